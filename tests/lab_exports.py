@@ -1,4 +1,4 @@
-"""Vectors as every program exports them, each with its dpiv.toml: the same field in eight kinds of files."""
+"""Vectors as every program exports them, each with its dpiv.toml."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ KINDS = {
 def exported(
     plane: xr.Dataset, kind: str, folder: Path, root: tuple[float, float] = (20.0, 15.0)
 ) -> Path:
-    """A folder of vectors of a kind with its dpiv.toml; `root` (mm): the finger's, in the plane's axes."""
+    """A folder of vectors of a kind with its dpiv.toml; `root` (mm) in the plane's axes."""
     files, y, vectors, write = KINDS[kind]
     folder.mkdir(parents=True, exist_ok=True)
     if write is None:

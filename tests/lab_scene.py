@@ -1,4 +1,4 @@
-"""A laboratory on paper for the tests: the finger's kinematics, an analytic flow around it, pictures and vectors of them."""
+"""A laboratory for the tests: the finger's kinematics, an analytic flow around it, pictures."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int
 def vortex_series(
     kinematics: Kinematics, times: np.ndarray, *, gain: float = 1.0, spacing: float = 1e-3
 ) -> xr.Dataset:
-    """A tank-frame series: a Lamb–Oseen vortex that follows the dorsal side of the tip, absent inside the finger."""
+    """A tank-frame series: a Lamb-Oseen vortex at the dorsal side of the tip."""
     import shapely
 
     x, y = np.arange(-0.085, 0.125, spacing), np.arange(0.10, 0.285, spacing)

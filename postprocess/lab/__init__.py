@@ -1,1 +1,1 @@
-"""Comparison with a laboratory's DPIV: registration, virtual experiment, uncertainty, verdict, report."""
+"""Comparison of a simulation with a laboratory's DPIV."""

@@ -1,4 +1,4 @@
-"""The reference of dpiv.toml, docs/dpiv_reference.md, and a file to start from, from the models that check one."""
+"""The reference of dpiv.toml, docs/dpiv_reference.md, and a file to start from."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from postprocess.lab.data.seen_in_data import seen_in
 PAGE = Path("docs/dpiv_reference.md")
 HEAD = """# Every key of dpiv.toml
 
-Written by `make scene-reference` from the models that check one; a test keeps them equal. What they are for: [comparison](comparison.md).
-A file to start from: `python -m postprocess dpiv-reference --template [--data FOLDER]`; with a folder of pictures or vectors,
-what these show is filled in.
+Written by `make scene-reference`; what the keys are for: [comparison](comparison.md).
+A file to start from: `python -m postprocess dpiv-reference --template [--data FOLDER]`; with a
+folder of pictures or vectors, the keys that these show are filled in.
 """
-FOUND = list(keys_of(Dpiv, without=frozenset({"folder"})))
-TABLES = [
-    key.name.rpartition(".")[0] for key in FOUND
-]  # keys of one table stand together, where its first does
-KEYS = sorted(FOUND, key=lambda key: TABLES.index(key.name.rpartition(".")[0]))
+_FOUND = list(keys_of(Dpiv, without=frozenset({"folder"})))
+_TABLES = [key.name.rpartition(".")[0] for key in _FOUND]
+# the keys of one table stand together, where its first key is
+KEYS = sorted(_FOUND, key=lambda key: _TABLES.index(key.name.rpartition(".")[0]))
 
 
 def reference() -> str:

@@ -1,4 +1,4 @@
-"""dpiv.toml: what a laboratory states of its recording or vectors (docs/comparison.md). Nothing is guessed: it is asked for."""
+"""dpiv.toml: what a laboratory states of its recording or vectors (docs/comparison.md)."""
 
 from __future__ import annotations
 
@@ -16,21 +16,30 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
 VERSION = 3
+CAMERA = "columns rows density_ppp diameter_px background read_noise peak scale_mm_per_px"
 HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
-    "frame_rate_hz": "frame_rate_hz, the pictures per second (of pictures taken in pairs: the pairs per second)",
-    "start": 'start = { at_s = …, std_s = … }, the time at which the first picture is taken after the motion\'s zero, or start = "from motion"',
-    "scale": 'scale = { scale_mm_per_px = …, std_percent = … }, { calibration = "file.json", std_percent = … } or { from_finger = true }',
-    "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] }, with the position of the root\'s middle in px, y counted as stated',
-    "finger_geometry": 'finger_geometry = "measured" (this finger\'s own geometry and material were measured, and the scene\'s states are made of them) or "nominal" (they are those of the drawing: the bands of the FEA count)',
-    "finger_length_std_mm": "finger_length_std_mm, how well the finger is known to be as long as the scene's, mm: the finger tells the scale as well",
+    "frame_rate_hz": "frame_rate_hz, the pictures (of pictures in pairs: the pairs) per second",
+    "start": "start = { at_s = …, std_s = … }, the time of the first picture on the simulation's"
+    ' clock, or start = "from motion"',
+    "scale": "scale = { scale_mm_per_px = …, std_percent = … },"
+    ' { calibration = "file.json", std_percent = … } or { from_finger = true }',
+    "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] },'
+    " with the position of the root's middle in px, y counted as stated",
+    "finger_geometry": 'finger_geometry = "measured" (the scene\'s states are of this finger) or'
+    ' "nominal" (they are of the drawing: the bands of the FEA count)',
+    "finger_length_std_mm": "finger_length_std_mm, how well the finger's length is known, mm",
     "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
     "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
-    "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pictures taken in pairs, with interval_s)',
-    "piv.interval_s": "interval_s, the time between the two exposures that a vector field is correlated from, s",
-    "axes.turn_std_deg": "turn_deg and turn_std_deg, how far the picture is turned against the tank and how well that is known",
-    "axes.root_mm": "root_mm and root_std_mm, the position of the middle of the finger's root in the files' axes and how well it is known, mm",
-    "camera": 'camera = { columns = …, rows = …, density_ppp = …, diameter_px = …, background = …, read_noise = …, peak = … }: without pictures these cannot be measured; or camera = "none" to leave the virtual experiment out',
+    "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pairs, with'
+    " interval_s)",
+    "piv.interval_s": "interval_s, the time between the two exposures of a vector field, s",
+    "axes.turn_std_deg": "turn_deg and turn_std_deg, the turn of the picture against the tank and"
+    " how well it is known",
+    "axes.root_mm": "root_mm and root_std_mm, the middle of the finger's root in the files' axes"
+    " and how well it is known, mm",
+    "camera": f'camera = {{ {CAMERA.replace(" ", " = …, ")} = … }}, or camera = "none" to leave'
+    " out the virtual experiment",
 }
 
 
@@ -72,7 +81,7 @@ class Scale(Table):
 
 
 class Axes(Table):
-    """Directions of the pictures' (or vectors') axes and where the middle of the finger's root is in them."""
+    """Directions of the axes, and the middle of the finger's root in them."""
 
     y: Literal["up", "down"]
     """How y is counted"""
@@ -99,13 +108,12 @@ class Evaluation(Table):
     """Between vectors [px]"""
     preset: Literal["fast", "balanced", "accurate"] = "balanced"
     """How much is done for accuracy"""
-    # this project's adaptive one; where it is not said: pictures yes, vectors (another program's) no
     smoothing: bool | None = None
     """This project's adaptive smoothing; absent: yes of pictures, no of vectors"""
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None
     """Of pictures: each with the next, or taken in pairs"""
     interval_s: Positive | None = None
-    """Between the two exposures that a vector field is correlated from; of pictures "1-2,2-3" it is 1/frame_rate_hz and not given [s]"""
+    """Between the two exposures of a vector field; absent for pairing "1-2,2-3" [s]"""
     every: Annotated[int, Field(ge=1)] = 1
     """Correlate one pair of so many"""
     preprocess: str = ""
@@ -154,15 +162,6 @@ class LabCamera(Table):
     """Of a grey value"""
 
 
-class ChamberPressure(Table):
-    """Pressure measured in the chambers with the recording, for make compare-coupled."""
-
-    csv: str
-    """File of the pressure in the chambers against the water around them, a CSV with columns t,p (s on the recording's clock, Pa), relative to this file"""
-    std_kpa: Positive
-    """Its standard uncertainty [kPa]"""
-
-
 class Dpiv(Table):
     """One laboratory's data; `folder` is where dpiv.toml lies, paths are relative to it."""
 
@@ -178,7 +177,7 @@ class Dpiv(Table):
     files: str | tuple[str, ...]
     """A pattern or a list of paths, relative to this file"""
     frame_rate_hz: Positive
-    """Pictures per second; of pairing "1-2,3-4" pairs per second, of vectors fields per second [Hz]"""
+    """Pictures per second; pairs of pairing "1-2,3-4", fields of vectors [Hz]"""
     start: Start | Literal["from motion"]
     """When the first picture is taken; "from motion": the finger shows it"""
     scale: Scale
@@ -186,7 +185,7 @@ class Dpiv(Table):
     axes: Axes
     """Directions and place of the pictures' axes"""
     finger_geometry: Literal["measured", "nominal"]
-    """ "measured": the states are of this finger's own geometry and material; "nominal": of the drawing's, so their bands count"""
+    """ "measured": the states are of this finger; "nominal": of the drawing, whose bands count"""
     piv: Evaluation
     """How pictures are, or vectors were correlated"""
     sheet_thickness_mm: Positive
@@ -198,9 +197,7 @@ class Dpiv(Table):
     root_hidden_mm: NotNegative = 0.0
     """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
     light_from_deg: float | None = None
-    """Of pictures whose light comes from one side: from where, counter-clockwise from the right of the picture (after axes.x); the finger's shaded side is then left out [deg]"""
-    pressure: ChamberPressure | None = None
-    """What was measured in the chambers, on the camera's clock; `start` is stated then"""
+    """Of pictures lit from one side: whence, counter-clockwise from the right [deg]"""
     vectors: VectorFiles | None = None
     """Of kind = "vectors": what the files do not say themselves"""
     camera: LabCamera | Literal["none"] | None = None
@@ -208,61 +205,7 @@ class Dpiv(Table):
 
     @model_validator(mode="after")
     def _whole(self) -> Dpiv:
-        # the finger's lag behind the pressure would count as another pressure
-        if self.pressure and self.start == "from motion":
-            raise ValueError(
-                f"pressure is on the camera's clock, which the motion does not show: give {HINTS['start'].split(', or')[0]}"
-            )
-        if self.kind == "pictures" and (self.vectors or self.camera):
-            raise ValueError(
-                'tables [vectors] and [camera] belong to kind = "vectors"; of pictures they are measured'
-            )
-        if self.kind == "vectors":
-            if self.piv.interval_s is None:
-                raise ValueError(f"piv.interval_s is missing: give {HINTS['piv.interval_s']}")
-            if self.camera is None:
-                raise ValueError(f"camera is missing: give {HINTS['camera']}")
-            if self.start == "from motion":
-                raise ValueError(
-                    f"start cannot come from the motion without pictures: give {HINTS['start'].split(', or')[0]}"
-                )
-            if self.scale.from_finger or self.scale.calibration:
-                raise ValueError(
-                    "scale of vectors without pictures: give scale = { scale_mm_per_px = …, std_percent = … }"
-                )
-            if self.light_from_deg is not None:
-                raise ValueError(
-                    "light_from_deg is of pictures: vectors do not show the finger; leave it out"
-                )
-            if self.piv.pairing or self.piv.every != 1:
-                raise ValueError(
-                    "piv.pairing and every are of pictures; of vectors piv.interval_s says it all"
-                )
-            if self.axes.root_mm is None or self.axes.root_std_mm is None:
-                raise ValueError(
-                    f"axes.root_mm or root_std_mm is missing: vectors do not show the finger; give {HINTS['axes.root_mm']}"
-                )
-            if self.axes.turn_std_deg is None:
-                raise ValueError(f"axes.turn_std_deg is missing: give {HINTS['axes.turn_std_deg']}")
-            return self
-        if self.piv.pairing is None:
-            raise ValueError(f"piv.pairing is missing: give {HINTS['piv.pairing']}")
-        if (self.piv.pairing == "1-2,3-4") != (self.piv.interval_s is not None):
-            raise ValueError(
-                'piv.interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"; of "1-2,2-3" frame_rate_hz says it'
-            )
-        if self.finger_length_std_mm is None:
-            raise ValueError(
-                f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}"
-            )
-        if self.axes.root_px is None and not self.scale.from_finger:
-            raise ValueError(
-                "axes.root_px is missing: give the position of the root's middle in px, or scale = { from_finger = true }"
-            )
-        if self.scale.from_finger and self.root_hidden_mm:
-            raise ValueError(
-                "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a calibration or scale_mm_per_px"
-            )
+        _pictures(self) if self.kind == "pictures" else _vectors(self)
         return self
 
     @property
@@ -272,12 +215,12 @@ class Dpiv(Table):
 
     @property
     def light_from(self) -> float | None:
-        """Direction that the light comes from, rad from the picture's x axis; None where it comes from all sides."""
+        """Direction of the light, rad from the picture's x axis; None: from all sides."""
         return None if self.light_from_deg is None else math.radians(self.light_from_deg)
 
     @property
     def interval(self) -> float:
-        """Time between the two exposures that a vector field is correlated from, s."""
+        """Time between the two exposures of a vector field, s."""
         return self.piv.interval_s or 1 / self.frame_rate_hz
 
     def sources(self) -> str | list[str]:
@@ -287,13 +230,87 @@ class Dpiv(Table):
         return [str(self.folder / name) for name in self.files]
 
 
+def _check(*faults: tuple[bool, str]) -> None:
+    """ValueError with the message of the first condition that holds."""
+    for wrong, message in faults:
+        if wrong:
+            raise ValueError(message)
+
+
+def _pictures(dpiv: Dpiv) -> None:
+    """ValueError where the keys of pictures contradict each other."""
+    piv, finger = dpiv.piv, dpiv.scale.from_finger
+    _check(
+        (
+            bool(dpiv.vectors or dpiv.camera),
+            'tables [vectors] and [camera] belong to kind = "vectors"; pictures show them',
+        ),
+        (piv.pairing is None, f"piv.pairing is missing: give {HINTS['piv.pairing']}"),
+        (
+            (piv.pairing == "1-2,3-4") != (piv.interval_s is not None),
+            'piv.interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"; of'
+            ' "1-2,2-3" it follows from frame_rate_hz',
+        ),
+        (
+            dpiv.finger_length_std_mm is None,
+            f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}",
+        ),
+        (
+            dpiv.axes.root_px is None and not finger,
+            "axes.root_px is missing: give the position of the root's middle in px, or"
+            " scale = { from_finger = true }",
+        ),
+        (
+            finger and dpiv.root_hidden_mm > 0,
+            "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a"
+            " calibration or scale_mm_per_px",
+        ),
+    )
+
+
+def _vectors(dpiv: Dpiv) -> None:
+    """ValueError where the keys of vectors contradict each other."""
+    piv, axes = dpiv.piv, dpiv.axes
+    start = HINTS["start"].split(", or")[0]
+    _check(
+        (piv.interval_s is None, f"piv.interval_s is missing: give {HINTS['piv.interval_s']}"),
+        (dpiv.camera is None, f"camera is missing: give {HINTS['camera']}"),
+        (
+            dpiv.start == "from motion",
+            f"start cannot come from the motion without pictures: give {start}",
+        ),
+        (
+            bool(dpiv.scale.from_finger or dpiv.scale.calibration),
+            "scale of vectors without pictures: give"
+            " scale = { scale_mm_per_px = …, std_percent = … }",
+        ),
+        (
+            dpiv.light_from_deg is not None,
+            "light_from_deg is of pictures: vectors do not show the finger; leave it out",
+        ),
+        (
+            piv.pairing is not None or piv.every != 1,
+            "piv.pairing and every are of pictures; vectors need piv.interval_s alone",
+        ),
+        (
+            axes.root_mm is None or axes.root_std_mm is None,
+            "axes.root_mm or root_std_mm is missing: vectors do not show the finger; give"
+            f" {HINTS['axes.root_mm']}",
+        ),
+        (
+            axes.turn_std_deg is None,
+            f"axes.turn_std_deg is missing: give {HINTS['axes.turn_std_deg']}",
+        ),
+    )
+
+
 def read_dpiv(path: Path) -> Dpiv:
-    """Read and check a dpiv.toml (or the one in a folder). Raises FileNotFoundError or ValueError in one sentence."""
+    """Read and check a dpiv.toml (or the one in a folder); FileNotFoundError or ValueError."""
     path = path / NAME if path.is_dir() else path
     if not path.exists():
         raise FileNotFoundError(
-            f"{path}: missing; data of a laboratory need a {NAME} beside them that states scale, axes and times"
-            " (docs/comparison.md has one to copy)"
+            f"{path}: missing; data of a laboratory need a {NAME} beside them that states scale,"
+            " axes and times (docs/comparison.md has one to copy)"
         )
     table = read_toml(path)
     check_version(table, path, "dpiv", VERSION, "state it as docs/comparison.md has it")

@@ -1,4 +1,4 @@
-"""Files of one comparison, `cases/<scene>/out/<level>/lab/<name>/`: paths, and the registration on disk."""
+"""Files of one comparison, `cases/<scene>/out/<level>/lab/<name>/`, and its registration."""
 
 from __future__ import annotations
 
@@ -14,22 +14,15 @@ from postprocess.lab.data.pose import Pose
 
 
 class LabFiles:
-    """Paths of a scene's comparison with one laboratory's data: `stage`, the scene's files; all else in `folder`."""
+    """Paths of a scene's comparison with one laboratory's data; `stage`: the scene's files."""
 
     def __init__(self, stage: StageFiles, name: str) -> None:
         self.stage, self.folder = stage, stage.out / "lab" / name
         self.registration = self.folder / "registration.json"
-        self.refused = (
-            self.folder / "registration_refused.png"
-        )  # what did not fit, where it was refused
-        self.view = self.folder / "view.txt"  # four numbers: what part of the tank the camera sees
-        self.sheet = self.folder / "sheet.h5"  # the simulation's over the camera's view
+        self.refused = self.folder / "registration_refused.png"  # where the outline does not fit
+        self.view = self.folder / "view.txt"  # the part of the tank that the camera sees
+        self.sheet = self.folder / "sheet.h5"  # the simulation's over that view
         self.comparison = self.folder / "comparison.json"
-        self.motion = self.folder / "motion.h5"  # the recording's, for motion.source = "recording"
-
-    def of_scene(self, name: str) -> LabFiles:
-        """Of the same data's comparison with the scene `name` that lies in `folder`."""
-        return LabFiles(StageFiles(self.folder / name, self.stage.level), self.folder.name)
 
     def run_sheet(self, name: str) -> Path:
         """The sheet of a run beside the nominal one."""
@@ -40,57 +33,30 @@ class LabFiles:
         return self.folder / f"{name}.h5"
 
 
-def write_registration(registration: Registration, path: Path, **more: Any) -> None:
-    """registration.json (docs/formats.md)."""
-    REGISTRATION.write(path, asdict(registration) | more)
-
-
-def read_registration(path: Path) -> Registration:
-    """The registration of a file; FileNotFoundError or ValueError in one sentence."""
-    if not path.exists():
-        raise FileNotFoundError(f"{path} is missing; run python -m postprocess.lab register first")
-    whole = REGISTRATION.read(path)
-    law = whole["law"]
-    return Registration(
-        _pose(whole["pose"]),
-        np.array(whole["covariance"]),
-        Nuisance(np.array(whole["nuisance"]["values"]), np.array(whole["nuisance"]["std"])),
-        Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
-        np.array(whole["times"]),
-        np.array(whole["pressures"]),
-        np.array(whole["pressures_std"]),
-        _pose(whole["stated"]) if whole["stated"] else None,
-    )
-
-
-def _pose(values: dict[str, Any]) -> Pose:
-    return Pose(
-        float(values["scale_m_per_px"]),
-        float(values["angle"]),
-        tuple(values["anchor"]),
-        tuple(values["at_px"]),
-    )
-
-
 LAW = ("factor", "delay", "stretch")
-NUISANCE = ("edge_px", "lateral_px", "perspective_x", "perspective_y")
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What the fit takes up beside pose and law, with standard uncertainties, (4,): growth of the outline on all sides and its shift
-    to the dorsal side (px), relative change of the magnification along x and y of the tank frame (1/m)."""
+    """Parameters of the fit beside pose and law, (4,), with standard uncertainties.
+
+    Growth of the outline and its shift to the dorsal side (px), and the relative change of the
+    magnification along x and y of the tank frame (1/m).
+    """
 
     values: np.ndarray
     std: np.ndarray
 
 
-NO_NUISANCE = Nuisance(np.zeros(len(NUISANCE)), np.zeros(len(NUISANCE)))
+NO_NUISANCE = Nuisance(np.zeros(4), np.zeros(4))
 
 
 @dataclass(frozen=True)
 class Law:
-    """The recording's motion in terms of the simulation's: (factor, delay s, stretch), covariance, rms misfit (Pa)."""
+    """The recording's motion relative to the simulation's.
+
+    `values`: (factor, delay s, stretch), with their covariance; `misfit`: RMS residual (Pa).
+    """
 
     values: np.ndarray
     covariance: np.ndarray
@@ -108,9 +74,10 @@ class Law:
 
 @dataclass(frozen=True)
 class Registration:
-    """Pose of the tank frame in the pictures with the covariance of (x px, y px, angle, ln magnification), and the motion's law.
+    """Pose of the tank frame in the pictures, and the law of motion.
 
-    `times` (frame,) s of the recording's clock, `pressures` and `pressures_std` (Pa): what each frame shows nearly by itself.
+    `covariance`: of (x px, y px, angle, ln magnification). `pressures` and `pressures_std`
+    (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by itself.
     """
 
     pose: Pose
@@ -121,3 +88,31 @@ class Registration:
     pressures: np.ndarray
     pressures_std: np.ndarray
     stated: Pose | None
+
+
+def write_registration(registration: Registration, path: Path, **more: Any) -> None:
+    """registration.json (docs/formats.md)."""
+    REGISTRATION.write(path, asdict(registration) | more)
+
+
+def read_registration(path: Path) -> Registration:
+    """The registration of a file; FileNotFoundError or ValueError in one sentence."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing; run python -m postprocess.lab register first")
+    whole = REGISTRATION.read(path)
+    law, nuisance = whole["law"], whole["nuisance"]
+    return Registration(
+        _pose(whole["pose"]),
+        np.array(whole["covariance"]),
+        Nuisance(np.array(nuisance["values"]), np.array(nuisance["std"])),
+        Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
+        np.array(whole["times"]),
+        np.array(whole["pressures"]),
+        np.array(whole["pressures_std"]),
+        _pose(whole["stated"]) if whole["stated"] else None,
+    )
+
+
+def _pose(values: dict[str, Any]) -> Pose:
+    scale, angle = float(values["scale_m_per_px"]), float(values["angle"])
+    return Pose(scale, angle, tuple(values["anchor"]), tuple(values["at_px"]))

@@ -1,7 +1,4 @@
-"""Inputs that are not exactly known (reference/inputs.toml), and the runs beside the nominal one that measure what they do.
-
-Each run is a scene of its own, `out/<level>/inputs/<name>/scene.toml`, that extends the nominal one and changes one number.
-"""
+"""Uncertain inputs (reference/inputs.toml) and the runs beside the nominal one that vary them."""
 
 from __future__ import annotations
 
@@ -12,14 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError
 
 from fileio.atomic import write_text
-from fileio.provenance import read_settings
 from fileio.toml_text import read_toml
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
-MESH_LENGTHS = (
-    "wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell", "edge_layer", "sheet_layer",
-)  # fmt: skip
+Row = tuple[str, dict[str, Any]]  # name of a run, and its values by dotted key of the scene
+MESH_LENGTHS = ["wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell"]
+MESH_LENGTHS += ["edge_layer", "sheet_layer"]
 MESH_COUNTS = ("wall_layers",)
 MESH_GROWTH = ("wall_growth", "layer_growth")
 
@@ -31,7 +27,10 @@ def _not_zero(value: float) -> float:
 
 
 class Input(Table):
-    """One number of the scene: `key` with dots, `step` of the run beside, `limit` (half-width of a uniform distribution)."""
+    """A number of the scene by its dotted key.
+
+    `step`: change in the run beside; `limit`: half-width of a uniform distribution.
+    """
 
     name: str
     key: str
@@ -46,7 +45,7 @@ class Input(Table):
 
 
 class Numerics(Table):
-    """One kind of resolution: a run finer by `ratio`, and Roache's grid-convergence index of that run from the two."""
+    """One kind of resolution: a run finer by `ratio`, judged by Roache's grid-convergence index."""
 
     name: Literal["grid", "time_step"]
     ratio: Annotated[float, Field(gt=1)]
@@ -55,9 +54,9 @@ class Numerics(Table):
 
     @property
     def per_difference(self) -> float:
-        """Standard uncertainty over the difference of the two runs: half the index, which is a 95 % band.
+        """Standard uncertainty of the finer run over the difference of the two runs.
 
-        What the finer run changes is added to the simulation: what is left is the finer run's error (Roache 1994, eq. 5).
+        Half the index of the finer run, a 95 % band (Roache 1994, eq. 5).
         """
         return 0.5 * self.safety / (self.ratio**self.order - 1)
 
@@ -76,17 +75,14 @@ class Inputs(Table):
         """Every run beside the nominal one."""
         return [*self.input, *self.numerics]
 
-    @property
-    def names(self) -> list[str]:
-        """Names of all runs beside the nominal one."""
-        return [one.name for one in self.all]
 
-
-def read_inputs(path: Path) -> Inputs:
-    """Read and check; FileNotFoundError or ValueError in one sentence."""
+def read_inputs(scene_folder: Path) -> Inputs:
+    """Read and check reference/inputs.toml of a scene; FileNotFoundError or ValueError."""
+    path = scene_folder / "reference" / "inputs.toml"
     if not path.exists():
         raise FileNotFoundError(
-            f"{path}: missing; it says how well the simulation's inputs are known (docs/comparison.md)"
+            f"{path}: missing; it states how well the simulation's inputs are known"
+            " (docs/comparison.md)"
         )
     try:
         inputs = Inputs(**read_toml(path))
@@ -98,90 +94,72 @@ def read_inputs(path: Path) -> Inputs:
     return inputs
 
 
-def run_folder(files: StageFiles, name: str) -> Path:
-    """Folder of the scene of one run."""
-    return files.out / "inputs" / name
+def input_rows(numbers: dict[str, Any], inputs: Inputs) -> list[Row]:
+    """Rows of the runs beside the nominal one, whose scene has `numbers`; ValueError."""
+    rows = [(one.name, _stepped(numbers, one.key, one.step)) for one in inputs.input]
+    return rows + [(finer.name, _refined(numbers, finer)) for finer in inputs.numerics]
 
 
-def write_runs(files: StageFiles, inputs: Inputs, parent: str = "inputs") -> list[Path]:
-    """Write the scenes of all runs into folder `parent` of the level where they changed; returns their folders."""
-    numbers, parent_folder = scene_numbers(files), files.out / parent
-    folders = []
-    for one in inputs.input:
-        root, *rest = one.key.split(".")
-        table = changed(numbers, [root, *rest], one.step, one.key)
-        # of the level: what the scene gives for this level would have the last word
-        level = {files.level: {root: {rest[0]: table[root][rest[0]]}}}
-        folders.append(_write(parent_folder / one.name, {"levels": level}))
-    for finer in inputs.numerics:
-        level = {files.level: _finer(numbers, finer)}
-        folders.append(_write(parent_folder / finer.name, {"levels": level}))
-    return folders
-
-
-def write_virtual(files: StageFiles, pressure_kpa: float) -> Path:
-    """Write the scene of a virtual laboratory: the last stroke goes to another pressure; returns its folder."""
-    motion = read_settings(files.required("kinematics.h5", "kinematics"))["motion"]
-    if not motion["strokes"]:
+def virtual_row(numbers: dict[str, Any], pressure_kpa: float) -> Row:
+    """Row of a virtual laboratory, whose last stroke goes to another pressure; ValueError."""
+    strokes = numbers["motion"]["strokes"]
+    if not strokes:
         raise ValueError(
-            f"{files.scene_folder / 'scene.toml'}: motion.strokes is empty; a virtual laboratory changes the last of them"
+            "scene.toml: motion.strokes is empty; a virtual laboratory changes the last stroke"
         )
-    strokes = [*motion["strokes"][:-1], motion["strokes"][-1] | {"pressure_kpa": pressure_kpa}]
-    folder = files.out / "virtual" / f"{pressure_kpa:g}kpa"
-    return _write(folder, {"motion": {"strokes": strokes}})
+    changed = [*strokes[:-1], strokes[-1] | {"pressure_kpa": pressure_kpa}]
+    return f"{pressure_kpa:g}kpa", {"motion.strokes": changed}
 
 
-def changed(section: Any, keys: list[str], step: float, key: str) -> Any:
-    """A section of the scene with the number at `keys` moved by `step`; ValueError where there is none."""
-    first, *rest = keys
+def _stepped(numbers: dict[str, Any], key: str, step: float) -> dict[str, Any]:
+    """The number at `key` moved by `step`; a list, as of strokes, is replaced as a whole."""
+
+    def moved(value: Any, keys: list[str]) -> Any:
+        if not keys:
+            return value + step
+        if isinstance(value, list):
+            at = int(keys[0])
+            return [*value[:at], moved(value[at], keys[1:]), *value[at + 1 :]]
+        return value | {keys[0]: moved(value[keys[0]], keys[1:])}
+
+    keys = key.split(".")
     try:
-        at: Any = int(first) if isinstance(section, list) else first
-        old = section[at]
-        new = changed(old, rest, step, key) if rest else old + step
+        whole = moved(numbers, keys)
+        short = next((k for k, name in enumerate(keys) if name.isdigit()), len(keys))
+        for name in keys[:short]:
+            whole = whole[name]
     except (KeyError, IndexError, TypeError, ValueError):
         raise ValueError(f"inputs.toml: the scene has no number {key!r}") from None
-    if isinstance(section, list):
-        return [new if k == at else value for k, value in enumerate(section)]
-    return section | {at: new}
+    return {".".join(keys[:short]): whole}
 
 
-def _finer(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
+def _refined(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
     if finer.name == "time_step":
-        return {"numerics": {"time_step": numbers["numerics"]["time_step"] / finer.ratio}}
+        return {"numerics.time_step": numbers["numerics"]["time_step"] / finer.ratio}
     mesh = numbers["mesh"]
-    lengths = {name: mesh[name] / finer.ratio for name in MESH_LENGTHS}
-    counts = {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}
-    return {
-        "mesh": lengths | counts | {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}
-    }
+    values = {name: mesh[name] / finer.ratio for name in MESH_LENGTHS}
+    values |= {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}
+    values |= {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}
+    return {f"mesh.{name}": value for name, value in values.items()}
 
 
-def _write(folder: Path, tables: dict[str, Any]) -> Path:
-    head = f'# Written by postprocess.lab: {folder.name}, beside the nominal run.\nextends = "../../../.."\n'
-    text = head + "".join(
-        f"{line}\n" for key, table in tables.items() for line in _toml(key, table)
-    )
-    path = folder / "scene.toml"
+def write_scene(files: StageFiles, name: str, overrides: dict[str, Any]) -> Path:
+    """Write out/<level>/<name>/scene.toml where it changed; returns its folder."""
+    folder = files.out / name
+    lines = ["# Written by postprocess.lab, beside the nominal run.", 'extends = "../../../.."']
+    # of the level: what the scene states for this level would have the last word
+    lines += [f"levels.{files.level}.{k} = {_toml(v)}" for k, v in overrides.items()]
+    text, path = "\n".join(lines) + "\n", folder / "scene.toml"
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
     return folder
 
 
-def _toml(name: str, table: dict[str, Any]) -> list[str]:
-    if all(isinstance(v, dict) for v in table.values()):
-        return [line for key, value in table.items() for line in _toml(f"{name}.{key}", value)]
-    # TOML has no word for what is not given
-    return [
-        f"[{name}]",
-        *(f"{key} = {_value(value)}" for key, value in table.items() if value is not None),
-    ]
-
-
-def _value(value: Any) -> str:
+def _toml(value: Any) -> str:
+    """A value as TOML; what is None in a table is left out."""
     if isinstance(value, dict):
-        return (
-            "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
-        )
+        parts = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
+        return f"{{ {', '.join(parts)} }}"
     if isinstance(value, list):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
+        return f"[{', '.join(map(_toml, value))}]"
     return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""A laboratory's pictures as the evaluation takes them: upright, freed of the lens, with times, scale and the finger masked."""
+"""A laboratory's pictures: upright, rectified, with times, scale and the finger masked."""
 
 from __future__ import annotations
 
@@ -11,50 +11,49 @@ from piv.images.recording import Recording
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.pose import Pose
 
-GROW_PX = 2.0  # of the mask beyond the outline: particle images reach over the body's edge
+GROW_PX = 2  # of the mask beyond the outline: particle images reach over the body's edge
 
 
-def frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
+def _frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
     """Times (s) of `count` pictures after the first one."""
     if dpiv.piv.interval_s is None:
         return np.arange(count) / dpiv.frame_rate_hz
     return np.arange(count) // 2 / dpiv.frame_rate_hz + np.arange(count) % 2 * dpiv.piv.interval_s
 
 
-def check_rate(dpiv: Dpiv, source: Recording) -> None:
+def _check_rate(dpiv: Dpiv, source: Recording) -> None:
     """ValueError where the recording states its own frame rate and dpiv.toml another one."""
     stated = source.attrs.get("frame_rate_hz")
     if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * dpiv.interval - 1) > 0.01:
         raise ValueError(
-            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name} states {stated:g}; correct the one that is wrong"
+            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name}"
+            f" states {stated:g}; correct the one that is wrong"
         )
 
 
 def thinned(frames: np.ndarray, most: int) -> np.ndarray:
     """At most so many of some frames, evenly spread from the first to the last."""
-    return frames[
-        np.unique(np.linspace(0, frames.size - 1, min(most, frames.size)).round().astype(int))
-    ]
+    at = np.linspace(0, frames.size - 1, min(most, frames.size))
+    return frames[np.unique(at.round().astype(int))]
 
 
 class LabRecording(Recording):
-    """The pictures of a dpiv.toml: mirrored where it says so, rectified where its calibration has a lens."""
+    """The pictures of a dpiv.toml, mirrored and rectified as it states."""
 
     times: np.ndarray
 
     def __init__(self, dpiv: Dpiv) -> None:
         self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
-        check_rate(dpiv, self._source)
+        _check_rate(dpiv, self._source)
         super().__init__(self._source.name, len(self._source), None)
-        self.times = frame_times(dpiv, len(self._source))
-        self.bits = int(
-            self._source.attrs.get("bits", 8 if self._source.frame(0).dtype == np.uint8 else 16)
-        )
+        self.times = _frame_times(dpiv, len(self._source))
+        depth = 8 if self._source.frame(0).dtype == np.uint8 else 16
+        self.bits = int(self._source.attrs.get("bits", depth))
         self._mirror = dpiv.axes.x == "left"
         name = dpiv.scale.calibration
-        self.calibration: Calibration | None = (
-            load_calibration(dpiv.folder / name) if name else None
-        )
+        self.calibration: Calibration | None = None
+        if name:
+            self.calibration = load_calibration(dpiv.folder / name)
 
     def _read(self, i: int) -> np.ndarray:
         image = self._source.frame(i)
@@ -70,7 +69,10 @@ class LabRecording(Recording):
 def stated_pose(
     dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]
 ) -> tuple[Pose | None, float | None]:
-    """The pose that dpiv.toml states and the relative standard uncertainty of its scale; None where the finger gives it."""
+    """The stated pose and the relative standard uncertainty of its scale.
+
+    None where the finger gives them.
+    """
     if dpiv.scale.from_finger:
         return None, None
     assert dpiv.axes.root_px is not None
@@ -80,17 +82,14 @@ def stated_pose(
     scale = stated * 1e-3 if stated else calibration.scale_m_per_px  # type: ignore[union-attr]
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
-    at = (
-        columns - 1 - x if dpiv.axes.x == "left" else x,
-        rows - 1 - y if dpiv.axes.y == "down" else y,
-    )
-    return Pose(
-        scale, float(np.radians(dpiv.axes.turn_deg)), root, at
-    ), dpiv.scale.std_percent / 100
+    x = columns - 1 - x if dpiv.axes.x == "left" else x
+    y = rows - 1 - y if dpiv.axes.y == "down" else y
+    turn = float(np.radians(dpiv.axes.turn_deg))
+    return Pose(scale, turn, root, (x, y)), dpiv.scale.std_percent / 100
 
 
 class MaskedRecording(Recording):
-    """Some frames of a recording, on the simulation's clock, with outlines (…, point, 2) in px for each as mask."""
+    """Some frames of a recording, on the simulation's clock, masked by outlines (…, point, 2)."""
 
     def __init__(
         self,
@@ -113,13 +112,11 @@ class MaskedRecording(Recording):
         return outline_mask(self._outlines[i], self.shape)
 
 
-def outline_mask(
-    outlines_px: np.ndarray, shape: tuple[int, int], grow_px: float = GROW_PX
-) -> np.ndarray:
-    """True inside outlines (…, point, 2; px, y up) grown by `grow_px`, row 0 at the top."""
+def outline_mask(outlines_px: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """True inside outlines (…, point, 2; px, y up) grown by `GROW_PX`, row 0 at the top."""
     mask = np.zeros(shape, np.uint8)
     for outline in outlines_px.reshape(-1, *outlines_px.shape[-2:]):
         corners = np.column_stack([outline[:, 0], shape[0] - 1 - outline[:, 1]])
         cv2.fillPoly(mask, [np.round(corners * 16).astype(np.int32)], 1, shift=4)
-    size = 2 * round(grow_px) + 1
+    size = 2 * GROW_PX + 1
     return cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))).astype(bool)

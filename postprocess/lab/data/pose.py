@@ -1,8 +1,7 @@
-"""The tank frame as a laboratory's camera sees it: a similarity, and plane series taken through it."""
+"""The tank frame in a camera's picture: a similarity, and plane series seen through it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +15,11 @@ from piv.synthetic.virtual_camera import finger_at
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the tank frame (m) lies in a picture (px, x right and y up from the centre of the bottom left pixel).
+    """Where the tank frame (m) lies in a picture.
 
-    picture = at_px + R(angle) (tank - anchor) / scale_m_per_px; angle in rad, counter-clockwise. Vectors whose file is in
-    metres have a picture in metres: scale_m_per_px is then close to 1.
+    picture = at_px + R(angle) (tank - anchor) / scale_m_per_px; px, x right and y up from the
+    centre of the bottom left pixel; angle in rad, counter-clockwise. The picture of vectors in
+    metres is in metres: scale_m_per_px is then close to 1.
     """
 
     scale_m_per_px: float
@@ -35,18 +35,16 @@ class Pose:
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture."""
-        return (
-            np.asarray(points) - self.anchor
-        ) @ self.rotation.T / self.scale_m_per_px + self.at_px
+        arm = np.asarray(points) - self.anchor
+        return arm @ self.rotation.T / self.scale_m_per_px + self.at_px
 
     def to_tank(self, points_px: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the picture in the tank frame; inverse of `to_px`."""
-        return (
-            np.asarray(points_px) - self.at_px
-        ) @ self.rotation * self.scale_m_per_px + self.anchor
+        arm = np.asarray(points_px) - self.at_px
+        return arm @ self.rotation * self.scale_m_per_px + self.anchor
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
-        """Positions (…, 2) of the tank frame in the camera frame: the picture's axes, in true metres."""
+        """Positions (…, 2) in the camera frame: the picture's axes, in true metres."""
         return self.to_px(points) * self.scale_m_per_px
 
     def from_camera(self, points: np.ndarray) -> np.ndarray:
@@ -56,37 +54,38 @@ class Pose:
     def view(
         self, first: tuple[float, float], last: tuple[float, float], margin: float
     ) -> tuple[float, float, float, float]:
-        """x0, x1, y0, y1 (m, tank frame) around what lies between two corners of the picture (px), with a margin (m)."""
+        """x0, x1, y0, y1 (m, tank) around two corners of the picture (px) and a margin (m)."""
         (left, bottom), (right, top) = first, last
-        corners = self.to_tank(
-            np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float)
-        )
+        around = [[left, bottom], [right, bottom], [right, top], [left, top]]
+        corners = self.to_tank(np.array(around, float))
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def camera_planes(
+def camera_series(
     series: xr.Dataset, pose: Pose, x: np.ndarray, y: np.ndarray, times: np.ndarray
-) -> Iterator[xr.Dataset]:
-    """Planes (y, x) of a tank-frame series at `times` (s) on the axes `x`, `y` (m) of the camera frame.
+) -> xr.Dataset:
+    """A tank-frame series at `times` (s) on axes `x`, `y` (m) of the camera frame, in float32.
 
-    Cubic in space and time (piv.synthetic.plane_spline); absent inside the finger and outside the series. The finger's variables
-    come along, turned. ValueError where a time lies outside the series.
+    Cubic in space and time; absent inside the finger and outside the series. The finger's
+    variables are turned as well. ValueError where a time lies outside the series.
     """
     field = PlaneField(series)
     first, last = field.time[[0, -1]]
     if np.min(times) < first - 1e-9 or np.max(times) > last + 1e-9:
         raise ValueError(
-            f"instants {np.min(times):.4f}…{np.max(times):.4f} s lie outside the series {first:.4f}…{last:.4f} s"
+            f"instants {np.min(times):.4f}…{np.max(times):.4f} s lie outside the series"
+            f" {first:.4f}…{last:.4f} s"
         )
     gx, gy = np.meshgrid(x, y)
     at = pose.from_camera(np.stack([gx, gy], axis=-1))
     inside = (at[..., 0] >= field.x[0]) & (at[..., 0] <= field.x[-1])
     inside &= (at[..., 1] >= field.y[0]) & (at[..., 1] <= field.y[-1])
+    planes = []
     for time in times:
         values = field.sample(field.at(float(time)), at[..., 0], at[..., 1])
         u, v, _, dwdz = values.reshape(4, *gx.shape)
-        finger = camera_finger(series, pose, float(time))
+        finger = _camera_finger(series, pose, float(time))
         valid = inside.copy()
         for outline in finger.get("outline", ()):
             valid &= ~shapely.contains_xy(shapely.Polygon(outline), gx, gy)
@@ -96,13 +95,14 @@ def camera_planes(
         turned = {"u": c * u - s * v, "v": s * u + c * v}
         turned = {name: np.where(valid, values, np.nan) for name, values in turned.items()}
         more = {"dwdz": np.where(valid, dwdz, np.nan)} if "dwdz" in series else {}
-        yield make_plane(x, y, **turned, valid=valid, **more, **finger).assign_coords(
-            time=float(time)
-        )
+        plane = make_plane(x, y, **turned, valid=valid, **more, **finger)
+        planes.append(plane.assign_coords(time=float(time)).astype(np.float32))
+    out = xr.concat(planes, "time")
+    return out.assign(valid=out["valid"].astype(np.uint8)).assign_attrs(series.attrs)
 
 
-def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
-    """The finger's variables at one instant, in the camera frame; empty where the series has none."""
+def _camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.ndarray]:
+    """The finger's variables at one instant in the camera frame; empty without a finger."""
     names = ("outline", "outline_velocity", "tip", "tip_direction", "dorsal_direction", "bend")
     return {
         name: in_camera(name, finger_at(series, name, time), pose)
@@ -112,19 +112,10 @@ def camera_finger(series: xr.Dataset, pose: Pose, time: float) -> dict[str, np.n
 
 
 def in_camera(name: str, values: np.ndarray, pose: Pose) -> np.ndarray:
-    """A finger's variable of the tank frame in the camera frame: places are moved and turned, directions turned."""
+    """A finger's variable of the tank frame in the camera frame."""
     if name in ("outline", "tip"):
         return pose.to_camera(values)
     return values if name == "bend" else values @ pose.rotation.T
-
-
-def camera_series(
-    series: xr.Dataset, pose: Pose, x: np.ndarray, y: np.ndarray, times: np.ndarray
-) -> xr.Dataset:
-    """`camera_planes` as one plane series in memory (single precision)."""
-    planes = [p.astype(np.float32) for p in camera_planes(series, pose, x, y, times)]
-    out = xr.concat(planes, "time")
-    return out.assign(valid=out["valid"].astype(np.uint8)).assign_attrs(series.attrs)
 
 
 def _near_known(series: xr.Dataset, time: float, field: PlaneField, at: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""Camera and seeding as the pictures show them, so that a virtual recording is seeded like the laboratory's.
+"""Camera and seeding measured from pictures, for a virtual recording that looks alike.
 
-Particle images of a Poisson process leave a mean n·A·2πσ²·⟨light⟩ and, between pixels, the covariance
-n·A²·πσ²·⟨light²⟩·exp(−r²/4σ²) (Campbell's theorem), with the light averaged across a Gaussian sheet. Fitted at distances of
-one to four pixels, where the sensor's noise does not reach.
+Particle images of a Poisson process have the mean n·A·2πσ²·⟨light⟩ and, between pixels, the
+covariance n·A²·πσ²·⟨light²⟩·exp(−r²/4σ²) (Campbell's theorem); the light is averaged across a
+Gaussian sheet. Fitted at distances of one to four pixels, where the sensor's noise is absent.
 """
 
 from __future__ import annotations
@@ -14,25 +14,22 @@ import numpy as np
 
 from piv.synthetic.camera import Seeding
 
-MEAN_LIGHT, MEAN_LIGHT2 = (
-    np.sqrt(np.pi / 8),
-    np.sqrt(np.pi / 16),
-)  # ∫exp(−8z²/t²)dz/t and ∫exp(−16z²/t²)dz/t
+# ∫exp(−8z²/t²)dz/t and ∫exp(−16z²/t²)dz/t
+MEAN_LIGHT, MEAN_LIGHT2 = np.sqrt(np.pi / 8), np.sqrt(np.pi / 16)
 LAGS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 1), (1, 2), (2, 2), (0, 3), (3, 0))
-SPREAD = (
-    0.1  # of the diameters, assumed here and for the virtual recording alike; light goes with d²
-)
+# of the diameters, assumed here and in the virtual recording; light goes with d²
+SPREAD = 0.1
 MOMENT4, MOMENT6, MOMENT8 = 1 + 6 * SPREAD**2, 1 + 15 * SPREAD**2, 1 + 28 * SPREAD**2
 CLEAR_PX = 20  # away from the body
-TILE_PX = (
-    64  # illumination varies over a picture: moments are taken in tiles, and the median tile counts
-)
+TILE_PX = 64  # moments are taken in tiles, since illumination varies; the median tile counts
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """What pictures look like: particles per px within the sheet, image diameter at 1/e² (px), peak and background and
-    noise of the sensor (grey levels; shot noise of the light is drowned by the particles and not measured)."""
+    """Particles per px, image diameter at 1/e² (px), and the sensor's grey levels.
+
+    Shot noise is not measured: the particles hide it.
+    """
 
     density_ppp: float
     diameter_px: float
@@ -44,22 +41,18 @@ class Appearance:
 def measure_appearance(
     frames: list[np.ndarray], masks: list[np.ndarray], body_level: float, body_std: float
 ) -> Appearance:
-    """Appearance of frames (row 0 at the top); `masks`: where the body is; its grey level is the background's.
+    """Appearance of frames (row 0 at the top) with the body at `masks`, as dark as the background.
 
     ValueError where the water is no brighter than the body.
     """
-    fits = np.array(
-        [
-            m
-            for f, k in zip(frames, masks, strict=True)
-            for m in _tiles(f.astype(np.float64), k, body_level)
-        ]
-    )
-    if len(fits) == 0:
+    fits = []
+    for frame, mask in zip(frames, masks, strict=True):
+        fits += _tiles(frame.astype(np.float64), mask, body_level)
+    if not fits:
         raise ValueError(
             f"no part of {TILE_PX}x{TILE_PX} px is free of the body; the seeding cannot be measured"
         )
-    mean, *cov = np.median(fits, axis=0)
+    mean, *cov = np.median(np.array(fits), axis=0)
     if mean <= 0.5 or cov[0] <= 0:
         raise ValueError(
             f"the water is {mean:.2g} grey levels brighter than the body; no particles are seen"
@@ -67,26 +60,22 @@ def measure_appearance(
     sigma2, variance = _gaussian(np.array(cov))
     # a pixel's own width is no part of the particle's image
     spread = max((sigma2 - 1 / 12) * MOMENT6 / MOMENT8, 0.05)
-    area, area2 = (
-        2 * np.pi * spread * MEAN_LIGHT,
-        np.pi * spread**2 / (spread + 1 / 12) * MEAN_LIGHT2,
-    )
+    area = 2 * np.pi * spread * MEAN_LIGHT
+    area2 = np.pi * spread**2 / (spread + 1 / 12) * MEAN_LIGHT2
     amplitude = (variance / (area2 * MOMENT6)) / (mean / (area * MOMENT4))
     density = mean / (amplitude * area * MOMENT4)
-    return Appearance(
-        float(density), float(4 * np.sqrt(spread)), float(amplitude), body_level, body_std
-    )
+    diameter = float(4 * np.sqrt(spread))
+    return Appearance(float(density), diameter, float(amplitude), body_level, body_std)
 
 
 def _tiles(frame: np.ndarray, mask: np.ndarray, background: float) -> list[list[float]]:
-    clear = cv2.erode((~mask).astype(np.uint8), np.ones((2 * CLEAR_PX + 1,) * 2, np.uint8)).astype(
-        bool
-    )
+    clear = cv2.erode((~mask).astype(np.uint8), np.ones((2 * CLEAR_PX + 1,) * 2, np.uint8))
     out = []
     for j in range(0, frame.shape[0] - TILE_PX + 1, TILE_PX):
         for i in range(0, frame.shape[1] - TILE_PX + 1, TILE_PX):
-            if clear[j : j + TILE_PX, i : i + TILE_PX].all():
-                tile = frame[j : j + TILE_PX, i : i + TILE_PX]
+            at = slice(j, j + TILE_PX), slice(i, i + TILE_PX)
+            if clear[at].all():
+                tile = frame[at]
                 out.append([tile.mean() - background, *(_covariance(tile, lag) for lag in LAGS)])
     return out
 

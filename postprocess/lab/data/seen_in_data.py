@@ -26,7 +26,7 @@ ROOT_ROWS = 8  # of the body from its upper end on, whose middle is taken for th
 
 
 def seen_in(folder: Path) -> dict[str, str]:
-    """Values of dpiv.toml, as TOML has them, by dotted name; FileNotFoundError where the folder holds neither pictures nor vectors."""
+    """Values of dpiv.toml by dotted name; FileNotFoundError without pictures or vectors."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     kinds = Counter(path.suffix.lower() for path in files)
     suffix = next((s for s in WHOLE if kinds[s]), None)
@@ -46,7 +46,7 @@ def seen_in(folder: Path) -> dict[str, str]:
     values["kind"] = "vectors" if suffix in VECTOR_SUFFIXES or exported else "pictures"
     if values["kind"] == "pictures":
         with _opened(str(folder / pattern), values) as recording:
-            values |= seen_in_pictures(recording)
+            values |= _seen_in_pictures(recording)
     return {name: toml_value(value) for name, value in values.items()}
 
 
@@ -69,8 +69,8 @@ def _opened(source: str, values: dict[str, object]) -> Recording:
     return recording
 
 
-def seen_in_pictures(recording: Recording) -> dict[str, object]:
-    """Frame rate, where the recording states it, and the finger's root, where the first picture shows a dark body."""
+def _seen_in_pictures(recording: Recording) -> dict[str, object]:
+    """Frame rate, where it is stated, and the finger's root, where a dark body is seen."""
     values: dict[str, object] = {}
     if rate := recording.attrs.get("frame_rate_hz"):
         values["frame_rate_hz"] = float(rate)
@@ -78,8 +78,6 @@ def seen_in_pictures(recording: Recording) -> dict[str, object]:
         row, column = np.nonzero(dark_body(recording.frame(0), grow_px=0))
     except ValueError:
         return values
-    at = (
-        float(column[row < row.min() + ROOT_ROWS].mean()),
-        float(recording.shape[0] - 1 - row.min()),
-    )
-    return values | {"axes.y": "up", "axes.root_px": [round(v, 1) for v in at]}
+    x = float(column[row < row.min() + ROOT_ROWS].mean())
+    y = float(recording.shape[0] - 1 - row.min())
+    return values | {"axes.y": "up", "axes.root_px": [round(x, 1), round(y, 1)]}

@@ -1,4 +1,4 @@
-"""Exported vectors as the comparison takes them: in metres, y up, with their uncertainty; and the camera that is put before them."""
+"""Exported vectors in metres, y up, with their uncertainty, and the virtual camera before them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from postprocess.lab.data.pose import Pose
 
 
 def camera_before(data: xr.Dataset, pose: Pose, camera: LabCamera) -> tuple[Pose, np.ndarray]:
-    """Pose in px of a camera whose picture has the vectors in its middle, wherever their files count from; and the position of
-    its bottom left pixel in the vectors' frame (m)."""
+    """Pose (px) of a camera with the vectors in its middle, and its bottom left pixel (m).
+
+    The pixel is in the vectors' frame.
+    """
     scale = camera.scale_mm_per_px * 1e-3
     middle = np.array([data[axis].values[[0, -1]].mean() for axis in ("x", "y")])
     corner = middle - 0.5 * scale * np.array([camera.columns - 1, camera.rows - 1])
@@ -28,48 +30,46 @@ def camera_before(data: xr.Dataset, pose: Pose, camera: LabCamera) -> tuple[Pose
 
 
 def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lower left and upper right corner (stated m, the vectors' frame) of what the vectors, and the camera before them, see."""
+    """Lower left and upper right corner (stated m) of the vectors and of the camera before them."""
     plane = lab_vectors(dpiv)
     step = float(plane["x"][1] - plane["x"][0])
     low = np.array([plane["x"].values[0], plane["y"].values[0]]) - step
     high = np.array([plane["x"].values[-1], plane["y"].values[-1]]) + step
     if isinstance(dpiv.camera, LabCamera):
-        size = (
-            dpiv.camera.scale_mm_per_px * 1e-3 * np.array([dpiv.camera.columns, dpiv.camera.rows])
-        )
-        low, high = (
-            np.minimum(low, 0.5 * (low + high - size)),
-            np.maximum(high, 0.5 * (low + high + size)),
-        )
+        c = dpiv.camera
+        size, middle = c.scale_mm_per_px * 1e-3 * np.array([c.columns, c.rows]), low + high
+        low, high = np.minimum(low, 0.5 * (middle - size)), np.maximum(high, 0.5 * (middle + size))
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
-    """Exported vectors as a plane series in stated metres, y up, with their uncertainty; times from the first instant."""
+    """Exported vectors as a plane series in stated metres, y up, times from the first instant."""
     assert dpiv.scale.scale_mm_per_px is not None
     stated, interval = dpiv.vectors or VectorFiles(), dpiv.interval
-    paths = sorted_paths(dpiv)
+    paths = _sorted_paths(dpiv)
     scale = dpiv.scale.scale_mm_per_px * 1e-3
     try:
         plane = read_vectors(
-            paths, kind=stated.kind, frame_rate_hz=dpiv.frame_rate_hz, keep_replaced=stated.keep_replaced,
-            zero_is_absent=stated.zero_is_absent, length_unit=stated.length_unit, velocity_unit=stated.velocity_unit,
-            y_axis=dpiv.axes.y, scale_m_per_px=scale, interval_s=interval, image_rows=stated.image_rows,
-        )  # fmt: skip
+            paths,
+            **stated.model_dump(exclude={"std_px"}),
+            frame_rate_hz=dpiv.frame_rate_hz,
+            y_axis=dpiv.axes.y,
+            scale_m_per_px=scale,
+            interval_s=interval,
+        )
     except ValueError as error:  # piv asks by the names of its options
         raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
     if (stated.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
-        raise ValueError(
-            f'{paths[0]}: in files of this kind y is up; state axes.y = "up" in dpiv.toml'
-        )
+        text = 'in files of this kind y is up; state axes.y = "up" in dpiv.toml'
+        raise ValueError(f"{paths[0]}: {text}")
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
-    plane = in_metres(plane.load(), scale, interval, paths[0])
+    plane = _in_metres(plane.load(), scale, interval, paths[0])
     rate = 1 / float(np.mean(np.diff(plane["time"].values)))
     if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
         raise ValueError(
-            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {paths[0]} holds {rate:.4g} fields per second;"
-            " correct the one that is wrong"
+            f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {paths[0]} holds"
+            f" {rate:.4g} fields per second; correct the one that is wrong"
         )
     if dpiv.axes.x == "left":
         mirrored = -plane["u"].values[..., ::-1]
@@ -78,29 +78,26 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     if "u_std" not in plane:
         if stated.std_px is None:
             raise ValueError(
-                f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the standard uncertainty of a"
-                " displacement in px"
+                f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml,"
+                " the standard uncertainty of a displacement in px"
             )
         std = np.full(plane["u"].shape, stated.std_px * scale / interval)
         plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
 
 
-def in_metres(plane: xr.Dataset, scale: float, interval: float, path: Path) -> xr.Dataset:
-    """A plane series of this project in SI: one that `piv correlate` wrote without a calibration is in px per frame."""
+def _in_metres(plane: xr.Dataset, scale: float, interval: float, path: Path) -> xr.Dataset:
+    """A plane series in SI; without a calibration `piv correlate` writes px per frame."""
     length, velocity = units_of(plane)
     if (length, velocity) == ("m", "m/s"):
         return plane
-    per = {("px", "px"): interval, ("px", "px/frame"): interval, ("px", "px/s"): 1.0}.get(
-        (length, velocity)
-    )
-    if per is None:
+    per = {"px": interval, "px/frame": interval, "px/s": 1.0}.get(velocity)
+    if length != "px" or per is None:
         raise ValueError(
             f"{path}: in {length} and {velocity}; vectors of this kind are in m and m/s or in px"
         )
-    out = plane.assign(
-        {n: plane[n] * (scale / per) for n in ("u", "v", "u_std", "v_std") if n in plane}
-    )
+    velocities = (n for n in ("u", "v", "u_std", "v_std") if n in plane)
+    out = plane.assign({n: plane[n] * (scale / per) for n in velocities})
     return out.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale)
 
 
@@ -116,7 +113,7 @@ def _key_of_option(option: re.Match[str]) -> str:
     return keys.get(name, f"vectors.{name}")
 
 
-def sorted_paths(dpiv: Dpiv) -> list[Path]:
+def _sorted_paths(dpiv: Dpiv) -> list[Path]:
     """Vector files of a dpiv.toml; FileNotFoundError where a pattern matches none."""
     names = dpiv.sources()
     patterns = [names] if isinstance(names, str) else names

@@ -1,22 +1,20 @@
-"""The step `compare`: both sides evaluated alike and every quantity judged; comparison.json and tables."""
+"""The step `compare`: evaluate both sides alike, judge every quantity, write the tables."""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
+from fileio.checksum import sha256
 
 from fileio.atomic import write_text
-from fileio.checksum import sha256
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.lab_fields import write_fields
 from fileio.formats.plane_series import read_plane
-from fileio.formats.recorded_motion import read_recorded_motion
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import versions
 from piv.vortices.find import VortexSettings
@@ -24,11 +22,11 @@ from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
-from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics, read_inputs, run_folder
+from postprocess.lab.data.inputs_toml import Inputs, read_inputs
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
 from postprocess.lab.judgement.field_uncertainty import field_comparison
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect, stacked
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
 from postprocess.lab.judgement.tables import field_values, quantity_table, series_table
@@ -43,82 +41,61 @@ from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 MOTION = ("final_bend", "duration")  # what the silhouette shows
-STRENGTH = (
-    "circulation",
-    "velocity_field",
-)  # a flow that is stronger or weaker as a whole shows in these
-COPIED = (
-    "name",
-    "label",
-    "unit",
-    "simulation",
-    "direct",
-    "data",
-    "error",
-    "measurement_part",
-    "finer",
-)
+# a flow that is stronger or weaker as a whole shows in these
+STRENGTH = ("circulation", "velocity_field")
+COPIED = ["name", "label", "unit", "simulation", "direct", "data", "error"]
+COPIED += ["measurement_part", "finer"]
 
 
-Run = tuple[Input | Numerics, xr.Dataset, Kinematics]  # what it changes, its sheet, its motion
-
-
-def runs_beside(files: LabFiles, inputs: Inputs) -> Iterator[Run]:
-    """The runs beside the nominal one; those that were not made are left out."""
+def _effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> Iterator[Effect]:
+    """Effects of the runs that were made, seen through this recording's pose, at its instants."""
+    pose = case.registration.pose
+    axes = [case.direct[name].values for name in ("x", "y", "time")]
+    nominal = measure(case, case.direct, "direct")
     for one in inputs.all:
         if not files.run_sheet(one.name).exists():
             continue
-        of_run = run_folder(files.stage, one.name) / "out" / files.stage.level
+        out = files.stage.out / "inputs" / one.name / "out" / files.stage.level
         with read_plane(files.run_sheet(one.name)) as sheet:
-            yield one, sheet.load(), read_kinematics(of_run / "kinematics.h5")
-
-
-def effects_of_runs(runs: Iterable[Run], case: Case) -> list[Effect]:
-    """What each run beside the nominal one changes, seen as this recording is: through its pose, at its instants."""
-    pose = case.registration.pose
-    x, y, times = (case.direct[name].values for name in ("x", "y", "time"))
-    nominal = measure(case.direct, pose, case.vortices, case.window, "direct", case.seen())
-    return [
-        effect_of(one, camera_series(sheet, pose, x, y, times), kinematics, case, nominal)
-        for one, sheet, kinematics in runs
-    ]
+            plane = camera_series(sheet.load(), pose, *axes)
+        yield effect_of(one, plane, read_kinematics(out / "kinematics.h5"), case, nominal)
 
 
 def run_comparison(
     files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
 ) -> dict[str, Any]:
-    """Evaluate both sides alike, compare, and write comparison.json, comparison.csv, series.csv and fields.h5."""
+    """Evaluate both sides alike, compare, and write comparison.json, tables and fields.h5."""
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    inputs = read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
+    inputs = read_inputs(files.stage.scene_folder)
     registration = read_registration(files.registration)
     planes = on_common_grid(
         files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet
     )
-    case = make_case(files, dpiv, kinematics, registration, planes, inputs)
+    case = _make_case(files, dpiv, kinematics, registration, planes, inputs)
     result, series, field = compare(case, inputs)
+    direct, made = planes.direct, {e.name for e in case.effects}
+    plane = "dwdz" in direct and not np.any(np.nan_to_num(direct["dwdz"].values))
     result |= {
         "scene": files.stage.scene,
         "level": files.stage.level,
         "data": dpiv.title,
         "name": dpiv.name,
         "kind": dpiv.kind,
-        "two_dimensional": "dwdz" in planes.direct
-        and not np.any(np.nan_to_num(planes.direct["dwdz"].values)),
+        "two_dimensional": plane,
         "finger_geometry": dpiv.finger_geometry,
-        "missing_runs": [n for n in inputs.names if n not in {e.name for e in case.effects}],
+        "missing_runs": [one.name for one in inputs.all if one.name not in made],
         "appearance": planes.appearance,
         "provenance": _provenance(files, dpiv, seed),
     }
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    write_fields(
-        files.folder / "fields.h5", field_values(case, field, result["rows"], planes.picture)
-    )
+    fields = field_values(case, field, result["rows"], planes.picture)
+    write_fields(files.folder / "fields.h5", fields)
     return result
 
 
-def make_case(
+def _make_case(
     files: LabFiles,
     dpiv: Dpiv,
     kinematics: Kinematics,
@@ -126,7 +103,7 @@ def make_case(
     planes: CommonGrid,
     inputs: Inputs,
 ) -> Case:
-    """The case that budgets are made of, with the effects of the runs."""
+    """The data of the budgets, with the effects of the runs."""
     settings = read_json(files.stage.required("settings/vortices.json", "settings"))
     times = planes.direct["time"].values
     window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
@@ -137,33 +114,22 @@ def make_case(
     window_m = dpiv.piv.window * px
     sides = planes.data, planes.virtual, planes.direct
     fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
-    case = Case(
-        kinematics, registration, *sides, window, VortexSettings(**settings), window_m, geometry, bend_std,
-        fresh, measured_motion=moved_as_recorded(files, dpiv),
-    )  # fmt: skip
-    case.effects.extend(effects_of_runs(runs_beside(files, inputs), case))
+    vortices = VortexSettings(**settings)
+    known = kinematics, registration, *sides, window, vortices, window_m
+    case = Case(*known, geometry, bend_std, fresh)
+    case.effects.extend(_effects_of_runs(files, inputs, case))
     return case
 
 
-def moved_as_recorded(files: LabFiles, dpiv: Dpiv) -> bool:
-    """Whether the simulation is driven by the motion of this very recording: its bend is then no test of the simulation."""
-    motion = read_kinematics(files.stage.required("kinematics.h5", "kinematics")).settings["motion"]
-    if motion["source"] != "recording":
-        return False
-    recorded = read_recorded_motion(files.stage.scene_folder / motion["recording"])
-    return str(recorded.attrs["dpiv_sha256"]) == sha256(dpiv.folder / NAME)
-
-
 def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
-    """Verdicts, series over time, and the field; the flow is judged as the finer runs have it, at the recording's own motion where it is
-    known what that does."""
+    """Verdicts, series over time, and the field.
+
+    The flow is judged at the recording's own motion, where its effect is known.
+    """
     case = replace(case, motion=recorded_motion_parts(case))
     measured = tables(case)
     rows = common_rows(measured, case.window)
-    seen = (
-        case.registration.times.size > 0 and not case.measured_motion
-    )  # what was put in is no test
-    quantities = motion_quantities(case) if seen else []
+    quantities = motion_quantities(case) if case.registration.times.size else []
     quantities += flow_quantities(case, measured, rows)
     field = field_comparison(case, rows)
     joint = budget.joint_level(len(quantities) + 1)
@@ -180,7 +146,6 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
         "wrong": wrong,
         "window_s": case.window,
         "instants": int(rows.sum()),
-        "measured_motion": case.measured_motion,
         "rows": np.flatnonzero(rows),
         "quantities": judged,
         "registration": registration_summary(registration, case.kinematics),
@@ -189,7 +154,7 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
 
 
 def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
-    """Whether the finger moves as simulated, from all judged quantities; None where that was not tested."""
+    """Whether the finger moves as simulated; None where that was not tested."""
     motion = [q for q in judged if q["name"] in MOTION]
     words = {q["joint_verdict"] for q in motion}
     if not motion:
@@ -200,7 +165,7 @@ def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
 
 
 def flow_verdict(judged: list[dict[str, Any]]) -> str:
-    """Whether the flow is as simulated: it is said to agree only where one of `STRENGTH` would have shown a flow that errs.
+    """Whether the flow is as simulated; it agrees only where one of `STRENGTH` could show an error.
 
     The jet alone is no evidence: beside the tip the water moves as the finger does.
     """
@@ -240,26 +205,19 @@ def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[st
 def _judged_field(
     field: FieldComparison, case: Case, rows: np.ndarray, too_uncertain: float, joint: float
 ) -> dict[str, Any]:
-    parts = field.parts()
-    rms = field.rms()
-
-    planes = {"data": case.data, "direct": case.direct}
-    planes["simulation"] = case.direct if case.virtual is None else case.virtual
-    velocity = {
-        name: np.stack([p["u"].values, p["v"].values], axis=1)[rows] for name, p in planes.items()
-    }
+    parts, rms = field.parts(), field.rms()
     finer = sum(e.field[rows] for e in case.finer)
-    for name in ("direct", "simulation"):
-        velocity[name] = velocity[name] + finer
+    data, direct = stacked(case.data)[rows], stacked(case.direct)[rows] + finer
+    simulation = stacked(case.simulation)[rows] + finer
     moved = sum(part.share * part.effect.field[rows] for part in case.motion)
-    values = {name: np.array([_rms(v)]) for name, v in velocity.items()}
+    scale = np.array([_rms(data)])
     squares = {kind: sum(v**2 for k, v in parts.values() if k == kind) for kind in budget.KINDS}
     allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
 
     def word(level: float) -> str:
         if rms > allowed[level]:
             return budget.ERROR
-        hidden = field.detectable(level) > too_uncertain * values["data"][0]
+        hidden = field.detectable(level) > too_uncertain * scale[0]
         return budget.UNCERTAIN if hidden else budget.AGREES
 
     u_val = np.array([np.sqrt(sum(v**2 for _, v in parts.values()))])
@@ -267,13 +225,15 @@ def _judged_field(
         "name": "velocity_field",
         "label": "velocity field (RMS of the difference)",
         "unit": "m/s",
-        **values,
+        "simulation": np.array([_rms(simulation)]),
+        "direct": np.array([_rms(direct)]),
+        "data": scale,
         "error": np.array([rms]),
-        "direct_error": _rms(velocity["direct"] - velocity["data"]),
+        "direct_error": _rms(direct - data),
         "measurement_part": None,
         "finer": np.array([_rms(finer)]) if case.finer else None,
         "explained_by_motion": np.array([_rms(moved)]) if case.motion else None,
-        "scale": values["data"][0],
+        "scale": scale[0],
         "u_val": u_val,
         "k": allowed[budget.LEVEL] / float(u_val[0]),
         **{symbol: np.sqrt([squares[kind]]) for kind, symbol in budget.KINDS.items()},

@@ -1,28 +1,22 @@
-"""The velocity field's difference and what moves it: runs, bands of the FEA, registration, the vectors' own errors."""
+"""The velocity field's difference and its sources of uncertainty."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from postprocess.lab.judgement.inputs_of_budget import Case
+from postprocess.lab.judgement.inputs_of_budget import Case, stacked
 from postprocess.lab.judgement.validation import FieldComparison
 
 
 def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
-    """The velocity field over the chosen instants: E of every vector, of the finer runs at the recording's motion, and what moves it."""
-    velocity = {
-        name: np.stack([p["u"].values, p["v"].values], axis=1)[rows].astype(float)
-        for name, p in (("data", case.data), ("virtual", case.virtual), ("direct", case.direct))
-        if p is not None
-    }
-    simulation = velocity.get("virtual", velocity["direct"])
-    finer = sum((e.field[rows] for e in case.finer), np.zeros_like(simulation))
-    moved = sum(
-        (part.share * part.effect.field[rows] for part in case.motion), np.zeros_like(simulation)
-    )
-    error = simulation - velocity["data"] + finer + moved
+    """E of every vector over the chosen instants, with its sources of uncertainty."""
+    data, direct = (stacked(p)[rows].astype(float) for p in (case.data, case.direct))
+    simulation = stacked(case.simulation)[rows].astype(float)
+    none = np.zeros_like(simulation)
+    finer = sum((e.field[rows] for e in case.finer), none)
+    moved = sum((part.share * part.effect.field[rows] for part in case.motion), none)
+    error = simulation - data + finer + moved
     error = np.where(np.isfinite(error).all(axis=1, keepdims=True), error, np.nan)
-    direct = velocity["direct"]
     modes: dict[str, tuple[str, np.ndarray]] = {}
     seen = [part.effect.name for part in case.motion]
     for effect in case.effects:
@@ -34,36 +28,28 @@ def field_comparison(case: Case, rows: np.ndarray) -> FieldComparison:
         modes[f"{name}, linear"] = "input", change * part.share * part.unlike
     pressure = case.effect("pressure")
     if case.geometry and pressure is not None and not seen:
-        modes["geometry and material"] = (
-            "input",
-            pressure.field[rows] * case.bend_std / abs(pressure.bend),
-        )
+        band = pressure.field[rows] * case.bend_std / abs(pressure.bend)
+        modes["geometry and material"] = "input", band
     share = np.sqrt(np.nanmean((simulation - direct) ** 2) / np.nanmean(simulation**2))
-    parts = {
-        "finer by PIV": finer,
-        "motion by PIV": moved,
-    }  # of the flow itself: what PIV takes off them is open
+    # changes of the flow itself: what PIV takes off them is not known
+    parts = {"finer by PIV": finer, "motion by PIV": moved}
     modes |= {name: ("data", share * part) for name, part in parts.items() if np.any(part)}
-    modes |= registration_modes(case, rows, direct)
+    modes |= _registration_modes(case, rows, direct)
     noise2 = np.zeros_like(error)
     for plane in (case.data, case.virtual):
         if plane is not None:
-            std = np.stack([plane["u_std"].values, plane["v_std"].values], axis=1)[rows].astype(
-                float
-            )
-            noise2 += std**2
+            noise2 += stacked(plane, "_std")[rows].astype(float) ** 2
     return FieldComparison(error, modes, np.sqrt(noise2))
 
 
-def registration_modes(
+def _registration_modes(
     case: Case, rows: np.ndarray, direct: np.ndarray
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """What one standard deviation of each independent error of pose and time does to the field (time, 2, y, x)."""
+    """Change of the field by one standard deviation of each error of pose and time."""
     registration = case.registration
     x, y, times = (case.direct[name].values.astype(float) for name in ("x", "y", "time"))
-    whole = np.stack([case.direct["u"].values, case.direct["v"].values], axis=1).astype(float)
     along_y, along_x = np.gradient(direct, y, axis=2), np.gradient(direct, x, axis=3)
-    rate = np.gradient(whole, times, axis=0)[rows]
+    rate = np.gradient(stacked(case.direct).astype(float), times, axis=0)[rows]
     gx, gy = np.meshgrid(x, y)
     anchor = registration.pose.to_camera(np.asarray(registration.pose.anchor))
     scale = registration.pose.scale_m_per_px

@@ -1,4 +1,4 @@
-"""What a comparison's budgets are made of: the sides, their motions, and what each run beside the nominal one changes."""
+"""Data of an uncertainty budget: both sides, their motions, and the effects of the other runs."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
 
 
+def stacked(plane: xr.Dataset, kind: str = "") -> np.ndarray:
+    """u and v (or their `kind`, as _std) of a plane series, (time, 2, y, x)."""
+    return np.stack([plane["u" + kind].values, plane["v" + kind].values], axis=1)
+
+
 @dataclass(frozen=True)
 class Effect:
-    """What one run beside the nominal one changes: means of `measures` over the window, the field (time, 2, y, x; of all
-    instants), final bend (rad) and duration (s).
+    """What one run beside the nominal one changes.
 
-    `per_std`: its part that counts as one standard uncertainty (of the step for inputs, of the difference for numerics); `scatter`:
-    standard uncertainty of `change`, from instant to instant.
+    `change`: of the means of `measures` over the window, with its standard uncertainty `scatter`
+    from instant to instant; `field` (time, 2, y, x): of the velocity at all instants; `bend` (rad)
+    and `duration` (s): of the motion. `per_std`: the part of it that is one standard uncertainty.
     """
 
     name: str
@@ -34,13 +39,13 @@ class Effect:
     duration: float
 
     def moves(self, columns: tuple[str, ...]) -> np.ndarray:
-        """Its change of the quantity that `columns` of `measures` hold, (component,)."""
+        """Its change of the quantity in `columns` of `measures`, (component,)."""
         return self.change[list(columns)].to_numpy(float)
 
     def std(self, columns: tuple[str, ...]) -> np.ndarray:
-        """Standard uncertainty of that quantity, (component,): of what is unknown the part `per_std`, and what the change scatters.
+        """Standard uncertainty of that quantity, (component,).
 
-        A difference that is small by chance is no small error: it counts as large as its scatter lets it be.
+        The scatter adds to the difference: a difference that is small by chance is no small error.
         """
         scatter = self.scatter[list(columns)].to_numpy(float)
         return np.hypot(self.per_std * np.hypot(self.moves(columns), scatter), scatter)
@@ -48,8 +53,11 @@ class Effect:
 
 @dataclass(frozen=True)
 class MotionPart:
-    """How the recording's finger moves otherwise than the simulated one, in changes of the run `effect`: `share` and its standard
-    uncertainty by the registration. `unlike`: how far that motion is from the run's, relative to the nominal one."""
+    """Difference of the recording's motion, as a `share` of what the run `effect` changes.
+
+    `std`: of the share, by the registration; `unlike`: its distance from the run's motion,
+    relative to the nominal one.
+    """
 
     effect: Effect
     share: float
@@ -59,7 +67,7 @@ class MotionPart:
 
 @dataclass(frozen=True)
 class Case:
-    """All that the budgets are made of: series of the sides, the window (s), motions and the effects of the runs."""
+    """Series of the sides, the window (s), motions and the effects of the runs."""
 
     kinematics: Kinematics
     registration: Registration
@@ -73,24 +81,22 @@ class Case:
     bend_std: float  # rad, of the FEA at the end of the stroke
     fresh_pairs: bool  # whether every pair of the virtual experiment has particles of its own
     effects: list[Effect] = field(default_factory=list)
-    measured_motion: bool = False  # whether the simulation is driven by this recording's own motion
-
-    motion: list[MotionPart] = field(
-        default_factory=list
-    )  # how the recording's finger moves, where runs say what that does
+    motion: list[MotionPart] = field(default_factory=list)  # where runs tell its effect
 
     def seen(self) -> np.ndarray:
-        """Vectors (time, y, x) that may be integrated. Of vectors without pictures those that every side has: their program leaves out
-        others beside the body than the virtual experiment does. Of pictures all: each side's own body is masked alike.
+        """Vectors (time, y, x) that may be integrated.
+
+        Without pictures those of all sides, since programs mask the body differently; else all.
         """
         if self.registration.times.size:
             return np.ones(self.data["valid"].shape, bool)
-        sides = [
-            usable(side).values
-            for side in (self.data, self.virtual, self.direct)
-            if side is not None
-        ]
-        return np.asarray(np.logical_and.reduce(sides))
+        sides = [side for side in (self.data, self.virtual, self.direct) if side is not None]
+        return np.asarray(np.logical_and.reduce([usable(side).values for side in sides]))
+
+    @property
+    def simulation(self) -> xr.Dataset:
+        """The simulation as PIV sees it; itself where there is no virtual experiment."""
+        return self.direct if self.virtual is None else self.virtual
 
     @property
     def finer(self) -> list[Effect]:

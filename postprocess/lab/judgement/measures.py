@@ -1,4 +1,4 @@
-"""What is compared: tip vortex, jet and velocity field of a plane series, over time, and how far vector errors move them."""
+"""Tip vortex and jet of a plane series over time, and their uncertainty from the vectors'."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.fields import frame
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integral, vortex_integrals
-from postprocess.lab.data.pose import Pose
+from postprocess.lab.judgement.inputs_of_budget import Case
 
 COLUMNS = ("circulation", "x", "y", "core_radius", "jet_speed")
 JET_REACH = 1.5  # tip widths around the tip
@@ -22,45 +22,37 @@ BOX = 3.5  # core radii around the vortex in which it is fitted again
 REPLICAS = 6
 
 
-def measure(
-    plane: xr.Dataset,
-    pose: Pose,
-    settings: VortexSettings,
-    window: tuple[float, float],
-    name: str,
-    seen: np.ndarray,
-) -> pd.DataFrame:
-    """Tip vortex (centre in the tank frame) and jet at every instant of a plane series in the camera frame.
+def measure(case: Case, plane: xr.Dataset, name: str) -> pd.DataFrame:
+    """Tip vortex (centre in the tank frame) and jet of a camera-frame series over time.
 
-    The circulation is the vorticity of the vortex's sense in the circle `CIRCLE` around its centre: that of the fitted vortex follows
-    the core's width, which grid and windows change. Only vectors that are `seen` (time, y, x) count in it. The series must carry the finger's tip. ValueError where no vortex is near it within the window (s).
+    The circulation is integrated over the circle `CIRCLE` around the centre, from vectors that are
+    `seen` in all sides: a fitted one follows the core's width, which grid and windows change.
+    ValueError where no vortex is near the finger's tip within the window (s).
     """
-    table = tabulate_vortices(plane, settings)
-    table = table.assign(side=table["side"].astype(object).fillna("").astype(str))
-    table = table.assign(finger=table["finger"].astype("float").fillna(-1).astype(int))
-    track = tracks.dominant_track(table, 0, window, name).set_index("time")
+    table = tabulate_vortices(plane, case.vortices)
+    side = table["side"].astype(object).fillna("").astype(str)
+    finger = table["finger"].astype("float").fillna(-1).astype(int)
+    table = table.assign(side=side, finger=finger)
+    track = tracks.dominant_track(table, 0, case.window, name).set_index("time")
     times = plane["time"].values
     out = pd.DataFrame({"time": times})
     out["core_radius"] = track["core_radius"].reindex(times).to_numpy(float)
     width = float(plane.attrs["tip_width"])
-    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
-    integral = vortex_integrals(
-        counted, track.reset_index(), CIRCLE * width, (times[0], times[-1])
-    ).set_index("time")
+    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & case.seen())
+    span = times[0], times[-1]
+    integral = vortex_integrals(counted, track.reset_index(), CIRCLE * width, span)
+    integral = integral.set_index("time")
     out["circulation"] = integral["circulation"].reindex(times).to_numpy(float)
-    out.loc[out["core_radius"].isna(), "circulation"] = (
-        np.nan
-    )  # where there is no vortex, its track is only interpolated
-    centre = pose.from_camera(
-        np.column_stack([track["x"].reindex(times), track["y"].reindex(times)]).astype(float)
-    )
-    out["x"], out["y"] = centre.T
-    out["jet_speed"] = [jet_speed(plane, k) for k in range(times.size)]
+    # where there is no vortex, its track is only interpolated
+    out.loc[out["core_radius"].isna(), "circulation"] = np.nan
+    centre = track[["x", "y"]].reindex(times).to_numpy(float)
+    out["x"], out["y"] = case.registration.pose.from_camera(centre).T
+    out["jet_speed"] = [_jet_speed(plane, k) for k in range(times.size)]
     return out
 
 
-def jet_speed(plane: xr.Dataset, index: int) -> float:
-    """90th percentile of the speed within 1.5 tip widths of a tip at one instant, m/s; NaN without a vector there."""
+def _jet_speed(plane: xr.Dataset, index: int) -> float:
+    """90th percentile of the speed within 1.5 tip widths of a tip, m/s; NaN without a vector."""
     (u, v), valid = frame(plane, index)
     gx, gy = np.meshgrid(plane["x"].values, plane["y"].values)
     near = np.zeros(valid.shape, bool)
@@ -71,18 +63,12 @@ def jet_speed(plane: xr.Dataset, index: int) -> float:
 
 
 def scatter(
-    plane: xr.Dataset,
-    table: pd.DataFrame,
-    rows: np.ndarray,
-    pose: Pose,
-    settings: VortexSettings,
-    window_m: float,
-    seen: np.ndarray,
+    case: Case, plane: xr.Dataset, table: pd.DataFrame, rows: np.ndarray
 ) -> dict[str, float]:
-    """Standard uncertainty of each quantity at one instant from the vectors' own (`u_std`, `v_std`), by Monte Carlo.
+    """Standard uncertainty of each quantity at one instant from the vectors' own, by Monte Carlo.
 
-    Errors of vectors nearer than a window (`window_m`, m) are alike: they are drawn smooth over it. The vortex is fitted again
-    around its place; RMS over the instants `rows`; `seen` as of `measure`.
+    Errors of vectors within a window are alike and drawn smooth over it. The vortex is fitted again
+    around its place; RMS over the instants `rows`.
     """
     if "u_std" not in plane:
         raise ValueError(
@@ -90,11 +76,11 @@ def scatter(
         )
     rng = np.random.default_rng(1)
     x, width = plane["x"].values, float(plane.attrs["tip_width"])
-    smooth, radius = (window_m / 4) / (x[1] - x[0]), CIRCLE * width
+    seen, smooth, radius = case.seen(), (case.window_m / 4) / (x[1] - x[0]), CIRCLE * width
     moved: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for k in rows:
         row = table.iloc[k]
-        at = pose.to_camera(np.array([row["x"], row["y"]]))
+        at = case.registration.pose.to_camera(np.array([row["x"], row["y"]]))
         reach = max(BOX * row["core_radius"], radius) + 2 * (x[1] - x[0])
         now = vectors_of(plane).isel(time=k, drop=True)
         now = now.assign(seen=usable(now) & seen[k])
@@ -102,7 +88,7 @@ def scatter(
         fits = []
         for replica in range(REPLICAS + 1):
             shaken = _shaken(box, smooth, rng) if replica else box
-            vortex = _nearest(shaken, settings, at, row["circulation"])
+            vortex = _nearest(shaken, case.vortices, at, row["circulation"])
             if vortex is None:
                 continue
             velocity = np.stack([shaken["u"].values, shaken["v"].values])
@@ -125,12 +111,12 @@ def scatter(
 
 
 def _jet_scatter(plane: xr.Dataset, smooth: float, rng: np.random.Generator) -> float:
-    """Standard deviation of the jet speed of a series of one instant under the vectors' uncertainty."""
+    """Standard deviation of one instant's jet speed under the vectors' uncertainty."""
     reach = 1.2 * JET_REACH * float(plane.attrs["tip_width"])
     tips = plane["tip"].values[0]
     (x0, y0), (x1, y1) = tips.min(axis=0) - reach, tips.max(axis=0) + reach
     box = plane.sel(x=slice(x0, x1), y=slice(y0, y1))
-    speeds = [jet_speed(_shaken(box, smooth, rng), 0) for _ in range(REPLICAS)]
+    speeds = [_jet_speed(_shaken(box, smooth, rng), 0) for _ in range(REPLICAS)]
     return float(np.std(speeds, ddof=1))
 
 

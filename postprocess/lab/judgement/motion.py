@@ -1,4 +1,4 @@
-"""The finger's own motion as quantities: final bend angle and duration of the stroke, simulated and recorded."""
+"""Final bend angle and duration of the stroke, simulated and recorded."""
 
 from __future__ import annotations
 
@@ -13,31 +13,30 @@ from postprocess.lab.registration.register import fit_law
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 
 
-def motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
+def _motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
     """(simulation, recording) of the final bend angle (rad) and of the stroke's duration (s)."""
     factor, _, stretch = case.registration.law.values
     length = stroke_duration(case.kinematics)
-    return (final_bend(case.kinematics, 1.0), final_bend(case.kinematics, factor)), (
-        length,
-        length * float(stretch),
-    )
+    bend = final_bend(case.kinematics, 1.0), final_bend(case.kinematics, factor)
+    return bend, (length, length * float(stretch))
 
 
 def motion_sentence(registration: Registration) -> str:
-    """What the pictures show of the motion, against the simulation's alone: no input's uncertainty is in it."""
+    """The motion in the pictures relative to the simulation's, without the inputs' uncertainty."""
     law = registration.law
+    clock = f"± {1960 * law.std('delay'):.1f} ms"
     if registration.times.size == 0:
-        return f"vectors do not show the finger; the clock is stated to ± {1960 * law.std('delay'):.1f} ms"
+        return f"vectors do not show the finger; the clock is stated to {clock}"
     parts = []
-    for name, value, what in (
-        ("factor", law.values[0], "bends as at"),
-        ("stretch", law.values[2], "takes"),
+    for name, value, verb, unit in (
+        ("factor", law.values[0], "bends as at", "the pressure"),
+        ("stretch", law.values[2], "takes", "the time"),
     ):
         band = 1.96 * law.std(name)
         same = "as simulated" if abs(value - 1) < band else "otherwise than simulated"
-        of = "the pressure" if name == "factor" else "the time"
-        parts.append(f"{what} {value:.3f} ± {band:.3f} times {of} ({same})")
-    return f"the finger {' and '.join(parts)}; its clock is {law.delay * 1e3:.1f} ± {1960 * law.std('delay'):.1f} ms ahead (95 %)"
+        parts.append(f"{verb} {value:.3f} ± {band:.3f} times {unit} ({same})")
+    ahead = f"its clock is {law.delay * 1e3:.1f} {clock} ahead (95 %)"
+    return f"the finger {' and '.join(parts)}; {ahead}"
 
 
 def final_bend(kinematics: Kinematics, factor: float) -> float:
@@ -47,13 +46,11 @@ def final_bend(kinematics: Kinematics, factor: float) -> float:
 
 
 def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
-    """Final bend (rad) and duration (s) by which a run's motion differs from the nominal one, in terms of its law."""
+    """Differences of a run's motion from the nominal one: final bend (rad), duration (s)."""
     times = np.linspace(*nominal.time, 201)
     values, _, _ = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
-    return (
-        final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0),
-        stroke_duration(nominal) * (float(values[2]) - 1),
-    )
+    bend = final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0)
+    return bend, stroke_duration(nominal) * (float(values[2]) - 1)
 
 
 def stroke_duration(kinematics: Kinematics) -> float:
@@ -66,20 +63,17 @@ def stroke_duration(kinematics: Kinematics) -> float:
 
 
 def recorded_motion_parts(case: Case) -> list[MotionPart]:
-    """The recording's bend and duration in changes of the runs `pressure` and `duration`; none where the motion is the recording's own,
-    was not seen, or those runs are not there."""
+    """The recording's bend and duration in changes of the runs `pressure` and `duration`.
+
+    None where the motion was not seen, or those runs were not made.
+    """
     pressure, duration = case.effect("pressure"), case.effect("duration")
-    if (
-        case.measured_motion
-        or case.registration.times.size == 0
-        or pressure is None
-        or duration is None
-    ):
+    if case.registration.times.size == 0 or pressure is None or duration is None:
         return []
-    law, (bend, length) = case.registration.law, motion_values(case)
+    law, (bend, length) = case.registration.law, _motion_values(case)
     parts = []
     for effect, own, (simulated, seen), std in (
-        (pressure, pressure.bend, bend, bend_std(case)),
+        (pressure, pressure.bend, bend, _bend_std(case)),
         (duration, duration.duration, length, length[0] * law.std("stretch")),
     ):
         share, unlike = (seen - simulated) / own, abs(seen - simulated - own) / abs(simulated)
@@ -87,7 +81,7 @@ def recorded_motion_parts(case: Case) -> list[MotionPart]:
     return parts
 
 
-def bend_std(case: Case) -> float:
+def _bend_std(case: Case) -> float:
     """Standard uncertainty of the recording's final bend angle (rad) by the silhouette."""
     law = case.registration.law
     factor = float(law.values[0])
@@ -96,23 +90,23 @@ def bend_std(case: Case) -> float:
 
 
 def motion_quantities(case: Case) -> list[ValidatedQuantity]:
-    """Final bend angle and duration of the stroke: does the simulation's finger move as the recording's?"""
-    bend, length = motion_values(case)
-    law = case.registration.law
-    one = lambda v: np.array([v])  # noqa: E731
-    seen_by = {"final_bend": bend_std(case), "duration": length[0] * law.std("stretch")}
+    """Final bend angle and duration of the stroke, simulated and recorded."""
+    bend, length = _motion_values(case)
+    stds = _bend_std(case), length[0] * case.registration.law.std("stretch")
     how = "posterior of the registration"
-    sources = {key: [Source("silhouette", "data", one(std), how)] for key, std in seen_by.items()}
-    for effect in (e for e in case.effects if e.kind == "input"):
-        for key, change in (("final_bend", effect.bend), ("duration", effect.duration)):
-            sources[key].append(
-                Source(effect.name, "input", one(abs(change) * effect.per_std), effect.how)
-            )
+    one = lambda v: np.array([v])  # noqa: E731
+    of_bend, of_length = ([Source("silhouette", "data", one(std), how)] for std in stds)
+    for e in (e for e in case.effects if e.kind == "input"):
+        for sources, change in ((of_bend, e.bend), (of_length, e.duration)):
+            sources.append(Source(e.name, "input", one(abs(change) * e.per_std), e.how))
     if case.geometry:
-        sources["final_bend"].append(
-            Source("geometry and material", "input", one(case.bend_std), "FEA's band")
-        )
+        band = one(case.bend_std)
+        of_bend.append(Source("geometry and material", "input", band, "FEA's band"))
+    quantities = (
+        ("final_bend", "bend angle at the end", "rad", bend, abs(bend[1]), of_bend),
+        ("duration", "duration of the stroke", "s", length, length[1], of_length),
+    )
     return [
-        ValidatedQuantity("final_bend", "bend angle at the end", "rad", one(bend[0]), one(bend[0]), one(bend[1]), abs(bend[1]), sources["final_bend"]),
-        ValidatedQuantity("duration", "duration of the stroke", "s", one(length[0]), one(length[0]), one(length[1]), length[1], sources["duration"]),
-    ]  # fmt: skip
+        ValidatedQuantity(name, label, unit, one(s), one(s), one(d), scale, sources)
+        for name, label, unit, (s, d), scale, sources in quantities
+    ]

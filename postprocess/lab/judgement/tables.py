@@ -1,4 +1,4 @@
-"""What a comparison leaves for others: comparison.csv (a paper's table), series.csv, fields.h5."""
+"""Tables of a comparison: comparison.csv (a paper's table), series.csv, fields.h5."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from postprocess.lab.judgement.uncertainty_sources import Case
+from postprocess.lab.judgement.inputs_of_budget import Case
 from postprocess.lab.judgement.validation import FieldComparison
 
 
@@ -22,23 +22,15 @@ def series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame:
     return out
 
 
-COMPONENTS = (
-    "simulation",
-    "direct",
-    "data",
-    "finer",
-    "explained_by_motion",
-    "error",
-    "u_num",
-    "u_input",
-    "u_D",
-    "u_val",
-)
+COMPONENTS = ["simulation", "direct", "data", "finer", "explained_by_motion", "error"]
+COMPONENTS += ["u_num", "u_input", "u_D", "u_val"]
 
 
 def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
-    """One row per quantity and component, for a paper's table: S, D, what the motion explains of S − D (empty: not known, not taken out), E,
-    u's and the verdict, SI."""
+    """One row per quantity and component, SI.
+
+    The part that the motion explains is empty where it is not known; it is then not taken out.
+    """
     rows = []
     for q in result["quantities"]:
         for k, axis in enumerate(("x", "y") if len(q["error"]) == 2 else ("",)):
@@ -55,7 +47,7 @@ def _component(values: np.ndarray | None, k: int) -> float | None:
 def field_values(
     case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
 ) -> dict[str, Any]:
-    """What fields.h5 holds."""
+    """Variables of fields.h5."""
     times = case.direct["time"].values
     values = {
         "time": times[rows],

@@ -1,4 +1,4 @@
-"""The flow's quantities with their sources of uncertainty: from runs, from vectors' errors, from the registration."""
+"""The flow's quantities with their uncertainty from runs, vectors and registration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import xarray as xr
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect, stacked
 from postprocess.lab.judgement.measures import measure, scatter
 from postprocess.lab.judgement.motion import motion_of_run
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
@@ -20,31 +20,31 @@ VORTEX = {  # quantity: columns, unit, label
     "core_radius": (("core_radius",), "m", "core radius of the tip vortex"),
     "jet_speed": (("jet_speed",), "m/s", "jet speed at the tip"),
 }
-RANDOM = (
-    "vectors",
-    "virtual vectors",
-    "scatter",
-)  # sources that a mean over instants makes smaller
-MOTION_BY_PIV = "what PIV makes of the motion's part; of a circulation between the part itself and as much as it makes of the growth between the instants"
-GROWTH = 3.0  # by PIV over that of the flow: beyond it the instants show no growth that could tell (1.5 to 2.6 were seen)
+# sources that a mean over instants makes smaller
+RANDOM = ("vectors", "virtual vectors", "scatter")
+SIDES = {"data": (RANDOM[0], ""), "virtual": (RANDOM[1], " of the virtual experiment")}
+GROWTH = 3.0  # ratio of PIV's growth to the flow's beyond which it tells nothing (seen: 1.5 to 2.6)
 SWIRL = 0.638  # largest speed of a Lamb-Oseen vortex over circulation/(2π core radius)
+BY_PIV = "what PIV takes off the simulation, "
+OF_RUNS = BY_PIV + "of what the finer runs add"
+OF_MOTION = (
+    "what PIV makes of the motion's part; of a circulation between the part itself and as much as"
+    " it makes of the growth between the instants"
+)
+OF_ERROR = BY_PIV + "of E: the two flows are measured alike only as far as they are alike"
+POSTERIOR = "posterior of the registration"
 
 
 def tables(case: Case) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
-    pose = case.registration.pose
     sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
-    return {
-        name: measure(p, pose, case.vortices, case.window, name, case.seen())
-        for name, p in sides.items()
-        if p is not None
-    }
+    return {name: measure(case, p, name) for name, p in sides.items() if p is not None}
 
 
 def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) -> np.ndarray:
     """Instants of the window at which every side has its vortex (instant,) bool.
 
-    ValueError where there are fewer than three, or all before or all behind the window's middle, which `means` are taken at.
+    ValueError where there are fewer than three, or none on one side of the window's middle.
     """
     first = next(iter(measured.values()))
     ok = first["time"].between(*window).to_numpy()
@@ -52,14 +52,15 @@ def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) 
         ok = ok & np.isfinite(table["circulation"].to_numpy())
     if ok.sum() < 3:
         raise ValueError(
-            f"the tip vortex exists on all sides at only {ok.sum()} instants between {window[0]:.3f} and {window[1]:.3f} s;"
-            " three are needed"
+            f"the tip vortex exists on all sides at only {ok.sum()} instants between"
+            f" {window[0]:.3f} and {window[1]:.3f} s; three are needed"
         )
     seen = first["time"].to_numpy()[ok]
     if not seen[0] <= 0.5 * (window[0] + window[1]) <= seen[-1]:
         raise ValueError(
-            f"the tip vortex exists on all sides only from {seen[0]:.3f} to {seen[-1]:.3f} s, which leaves out the middle of"
-            f" {window[0]:.3f} to {window[1]:.3f} s, where it is compared; take pictures of the whole stroke, or of more particles"
+            f"the tip vortex exists on all sides only from {seen[0]:.3f} to {seen[-1]:.3f} s, which"
+            f" leaves out the middle of {window[0]:.3f} to {window[1]:.3f} s, where it is compared;"
+            " take pictures of the whole stroke, or of more particles"
         )
     return ok
 
@@ -67,36 +68,25 @@ def common_rows(measured: dict[str, pd.DataFrame], window: tuple[float, float]) 
 def effect_of(
     one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
 ) -> Effect:
-    """The effect of a run: its `plane` against the nominal `case.direct` (measured: `nominal`), its motion against the nominal one."""
-    table = measure(
-        plane, case.registration.pose, case.vortices, case.window, one.name, case.seen()
-    )
-    rows = common_rows({"nominal": nominal, one.name: table}, case.window)
-    change = means(table, rows, case.window) - means(nominal, rows, case.window)
+    """The effect of a run with `plane`; `nominal`: the `measure` of `case.direct`."""
+    window, table = case.window, measure(case, plane, one.name)
+    rows = common_rows({"nominal": nominal, one.name: table}, window)
+    change = means(table, rows, window) - means(nominal, rows, window)
     scatter = 0.0 * change  # the step of an input is far enough for its effect to stand out
     if isinstance(one, Input):
         kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
     else:
         kind, per_std = "numerical", one.per_difference
-        how = f"run finer by {one.ratio:g}, whose change is added to the simulation; that run's grid-convergence index"
-        scatter = mean_std((table - nominal)[rows], nominal["time"][rows], case.window)
-    field = np.stack([plane[n].values - case.direct[n].values for n in ("u", "v")], axis=1).astype(
-        float
-    )
-    return Effect(
-        one.name,
-        kind,
-        how,
-        float(per_std),
-        change,
-        scatter,
-        field,
-        *motion_of_run(case.kinematics, run),
-    )
+        how = f"run finer by {one.ratio:g}, whose change is added to the simulation; that run's"
+        how += " grid-convergence index"
+        scatter = mean_std((table - nominal)[rows], nominal["time"][rows], window)
+    field = (stacked(plane) - stacked(case.direct)).astype(float)
+    motion = motion_of_run(case.kinematics, run)
+    return Effect(one.name, kind, how, float(per_std), change, scatter, field, *motion)
 
 
 def means(table: pd.DataFrame, rows: np.ndarray, window: tuple[float, float]) -> pd.Series:
-    """Means over the window (s): each quantity's straight line through the chosen instants, in the window's middle.
+    """Means over the window (s): a straight line through the chosen instants, in the middle.
 
     A vortex grows through the stroke: a plain mean would follow whichever instants show it.
     """
@@ -109,13 +99,13 @@ def means(table: pd.DataFrame, rows: np.ndarray, window: tuple[float, float]) ->
 
 
 def mean_factor(times: np.ndarray, window: tuple[float, float]) -> float:
-    """How much less sure `means` is than a plain mean over the instants (s), where these do not lie about the window's middle."""
+    """Uncertainty of `means` over that of a plain mean, at instants (s)."""
     off = 0.5 * (window[0] + window[1]) - times.mean()
     return float(np.sqrt(1 + off**2 / max(float(times.var()), 1e-12)))
 
 
 def mean_std(differences: pd.DataFrame, times: pd.Series, window: tuple[float, float]) -> pd.Series:
-    """Standard uncertainty of `means` of some differences at their times (s), by their scatter about its straight line."""
+    """Standard uncertainty of `means` of differences, by their scatter about the line."""
     at, chosen = times.to_numpy(), differences.drop(columns="time")
     scatter = excess_scatter(at, chosen.to_numpy(float), np.zeros(chosen.shape[1]))
     return pd.Series(scatter * mean_factor(at, window) / np.sqrt(at.size), index=chosen.columns)
@@ -127,21 +117,17 @@ def flow_quantities(
     """Circulation, centre, core radius and jet speed with all their sources."""
     base = {name: means(table, rows, case.window) for name, table in measured.items()}
     simulated = "virtual" if "virtual" in measured else "direct"
-    at, alike = np.flatnonzero(rows), (case.registration.pose, case.vortices, case.window_m)
-    sides = {"data": case.data, "virtual": case.virtual}
-    own = {
-        name: scatter(p, measured[name], at, *alike, case.seen())
-        for name, p in sides.items()
-        if p is not None
-    }
+    at = np.flatnonzero(rows)
+    own = {"data": scatter(case, case.data, measured["data"], at)}
+    if case.virtual is not None:
+        own["virtual"] = scatter(case, case.virtual, measured["virtual"], at)
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         take = lambda s, columns=columns: np.array([float(s[c]) for c in columns])  # noqa: E731
         rates = np.array([_mean_rate(measured["direct"], c, rows) for c in columns])
         error = (measured[simulated] - measured["data"]).loc[rows, list(columns)].to_numpy(float)
-        random, instant = vector_sources(
-            case, base["data"], rows, error, {n: take(s) for n, s in own.items()}
-        )
+        each = {side: take(s) for side, s in own.items()}
+        random, instant = _vector_sources(case, base["data"], rows, error, each)
         ours, direct, theirs = (take(base[side]) for side in (simulated, "direct", "data"))
         # a place has no size that a measurement could take a share of
         share = 0.0 if name == "centre" else abs(1 - float(direct[0] / ours[0]))
@@ -149,35 +135,30 @@ def flow_quantities(
         if name == "circulation":
             gain, spread = gain_of_growth(measured[simulated], measured["direct"], rows)
         sources = [*run_sources(case, columns), *motion_sources(case, columns, gain), *random]
-        sources += registration_sources(case, name, take(base["data"]), rates)
+        sources += _registration_sources(case, name, theirs, rates)
         added = sum((e.moves(columns) for e in case.finer), np.zeros(len(columns)))
         moved = explained_by_motion(case, columns)
-        explained, finer = None if moved is None else gain * moved, added if case.finer else None
-        values = ours + added, direct + added, theirs
+        explained = None if moved is None else gain * moved
         if share:
-            rest = values[0] - theirs - (0.0 if explained is None else explained)
-            for what, part, of, how in (
-                (
-                    "finer by PIV",
-                    added,
-                    share,
-                    "what PIV takes off the simulation, of what the finer runs add",
-                ),
-                (
-                    "motion by PIV",
-                    np.zeros(1) if explained is None else explained,
-                    spread,
-                    MOTION_BY_PIV,
-                ),
-            ):
-                if np.any(part):
-                    sources.append(Source(what, "data", of * np.abs(part), how))
-            how = "what PIV takes off the simulation, of E: the two flows are measured alike only as far as they are alike"
-            sources.append(Source("unlike flows", "data", share * np.abs(rest), how, share))
-        scale = case.kinematics.tip_width if name == "centre" else float(abs(theirs[0]))
-        each = at_instant(sources, instant)
+            part = np.zeros(1) if explained is None else explained
+            rest = ours + added - theirs - part
+            if np.any(added):
+                sources.append(Source("finer by PIV", "data", share * np.abs(added), OF_RUNS))
+            if np.any(part):
+                sources.append(Source("motion by PIV", "data", spread * np.abs(part), OF_MOTION))
+            sources.append(Source("unlike flows", "data", share * np.abs(rest), OF_ERROR, share))
         quantity = ValidatedQuantity(
-            name, label, unit, *values, scale, sources, explained, each, finer
+            name,
+            label,
+            unit,
+            ours + added,
+            direct + added,
+            theirs,
+            case.kinematics.tip_width if name == "centre" else float(abs(theirs[0])),
+            sources,
+            explained,
+            _at_instant(sources, instant),
+            added if case.finer else None,
         )
         out.append(quantity)
     return out
@@ -188,10 +169,9 @@ def gain_of_growth(
 ) -> tuple[float, float]:
     """How much of a change of the circulation PIV shows, and its relative standard uncertainty.
 
-    PIV takes more off a young vortex: between the instants the `measured` one grows faster than the `direct` one. A finger that moves
-    otherwise sheds a vortex of another age and of another strength; the change that PIV shows lies between the change itself and as
-    much as it makes of that growth, uniformly. Where the instants show no growth that could tell (`GROWTH`), it is the change itself,
-    as uncertain as at that limit.
+    PIV takes more off a young vortex, so that the `measured` one grows faster than the `direct`
+    one. A change that another motion makes is shown between one and that ratio of growths times,
+    uniformly; beyond `GROWTH` once, as uncertain as at that limit.
     """
     of_piv, own = (_mean_rate(table, "circulation", rows) for table in (measured, direct))
     if not abs(own) / GROWTH <= of_piv * np.sign(own) <= abs(own) * GROWTH:
@@ -200,25 +180,25 @@ def gain_of_growth(
     return gain, abs(of_piv / own - 1) / 12**0.5 / gain
 
 
-def vector_sources(
+def _vector_sources(
     case: Case, data: pd.Series, rows: np.ndarray, error: np.ndarray, own: dict[str, np.ndarray]
 ) -> tuple[list[Source], dict[str, np.ndarray]]:
     """Random sources of a mean over the instants `rows`, and each side's scatter at one instant.
 
-    `own`: scatter of one instant by the vectors' own uncertainty, (component,) of data and virtual experiment; `data`: means of the
-    data, which say how fast particles leave a window; `error` (instant, component).
+    `own`: scatter of one instant by the vectors' uncertainty, (component,) by side; `data`: means,
+    which say how fast particles leave a window; `error` (instant, component).
     """
     times = case.direct["time"].values[rows]
     swirl = SWIRL * abs(data["circulation"]) / (2 * np.pi * data["core_radius"])
     alike = independent_instants(times, swirl, case.window_m)
-    count = {"data": alike, "virtual": float(times.size) if case.fresh_pairs else alike}
-    names = {"data": RANDOM[0], "virtual": RANDOM[1]}
-    of = {"data": "", "virtual": " of the virtual experiment"}
     sources = []
     larger = mean_factor(times, case.window)
     for side, std in own.items():
-        how = f"Monte Carlo over the vectors' uncertainty{of[side]}; {count[side]:.1f} of {times.size} instants count as independent"
-        sources.append(Source(names[side], "data", larger * std / np.sqrt(count[side]), how))
+        name, whose = SIDES[side]
+        count = float(times.size) if side == "virtual" and case.fresh_pairs else alike
+        how = f"Monte Carlo over the vectors' uncertainty{whose}; {count:.1f} of {times.size}"
+        how += " instants count as independent"
+        sources.append(Source(name, "data", larger * std / np.sqrt(count), how))
     excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
     how = "scatter of E from instant to instant beyond the vectors' uncertainty"
     sources.append(Source("scatter", "data", larger * excess / np.sqrt(times.size), how))
@@ -227,8 +207,9 @@ def vector_sources(
 
 
 def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """What E (instant, component) scatters about a straight line over the instants (s) beyond a `variance` (component,), as a standard
-    deviation of one instant: outliers beside the body, a percentile of few vectors, and whatever else no vector's uncertainty knows.
+    """Standard deviation of E (instant, component) about a straight line beyond a `variance`.
+
+    It holds outliers beside the body and other errors that no vector's uncertainty knows.
     """
     basis = np.column_stack([np.ones_like(times), times - times.mean()])
     if times.size <= basis.shape[1]:
@@ -238,8 +219,8 @@ def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -
     return np.sqrt(np.maximum(seen - variance, 0.0))
 
 
-def at_instant(sources: list[Source], scatter: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Standard uncertainty of `data` and `simulation` at one instant: the `scatter` of each, and the sources that are not random."""
+def _at_instant(sources: list[Source], scatter: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Standard uncertainty of each side at one instant: `scatter`, and what is not random."""
     other = {side: np.zeros_like(std) for side, std in scatter.items()}
     for source in sources:
         if source.name not in RANDOM:
@@ -248,9 +229,10 @@ def at_instant(sources: list[Source], scatter: dict[str, np.ndarray]) -> dict[st
 
 
 def independent_instants(times: np.ndarray, speed: float, window_m: float) -> float:
-    """How many of the instants (s) count as independent in a mean: a window's error lasts until its particles have left it.
+    """How many of the instants (s) count as independent in a mean.
 
-    Errors at two instants correlate by the share of a window (m) that a particle at `speed` (m/s) has not yet crossed.
+    Errors at two instants correlate by the share of a window (m) that a particle at `speed` (m/s)
+    has not yet crossed.
     """
     apart = np.abs(times[:, None] - times[None, :])
     return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
@@ -262,36 +244,27 @@ def _mean_rate(table: pd.DataFrame, column: str, rows: np.ndarray) -> float:
     return float(np.polyfit(chosen["time"], chosen[column], 1)[0])
 
 
-def registration_sources(
+def _registration_sources(
     case: Case, name: str, value: np.ndarray, rate: np.ndarray
 ) -> list[Source]:
-    """What pose and time, each as uncertain as it was found, do to a quantity of the data."""
+    """Effect of the uncertainty of pose and time on a quantity of the data."""
     registration = case.registration
-    std = np.sqrt(np.diag(registration.covariance))
-    sources = [
-        Source(
-            "time",
-            "data",
-            np.abs(rate) * registration.law.std("delay"),
-            "fit of the finger's motion",
-        )
-    ]
+    std = np.abs(rate) * registration.law.std("delay")
+    time = Source("time", "data", std, "fit of the finger's motion")
     power = {"circulation": 2.0, "core_radius": 1.0, "jet_speed": 1.0}  # of the scale in each
     if name in power:
-        scale = np.abs(value) * power[name] * std[3]
-        sources.append(Source("scale", "data", scale, "posterior of the registration"))
-    else:
-        jacobian = place_jacobian(registration.pose, value)
-        spread = np.sqrt(np.diag(jacobian @ registration.covariance @ jacobian.T))
-        sources.append(Source("pose", "data", spread, "posterior of the registration"))
-    return sources
+        std = np.abs(value) * power[name] * np.sqrt(registration.covariance[3, 3])
+        return [time, Source("scale", "data", std, POSTERIOR)]
+    jacobian = place_jacobian(registration.pose, value)
+    std = np.sqrt(np.diag(jacobian @ registration.covariance @ jacobian.T))
+    return [time, Source("pose", "data", std, POSTERIOR)]
 
 
 def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
-    """How a place (m, tank frame) found in a picture moves with (x px, y px, angle, ln magnification) of the pose, (2, 4).
+    """Derivatives (2, 4) of a place (m, tank frame) in a picture by the pose.
 
-    x_tank = R⁻¹ (px − at) scale + anchor. The signs matter: errors of shift, turn and scale come together, since the finger's tip
-    is seen as well as its root.
+    By (x px, y px, angle, ln magnification) in x_tank = R⁻¹ (px − at) scale + anchor. The signs
+    matter: errors of shift, turn and scale correlate, since root and tip are both seen.
     """
     arm = np.asarray(place) - np.asarray(pose.anchor)
     shift = -pose.rotation.T * pose.scale_m_per_px
@@ -299,14 +272,14 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
 
 
 def run_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
-    """What the runs beside the nominal one say of inputs and numerics; what makes the motion only where the recording does not show it.
+    """Uncertainty of inputs and numerics by the runs beside the nominal one.
 
-    The FEA's band of the bend angle counts as the pressure that would bend as much (scaled from the pressure's run).
+    Inputs of the motion count only where the recording does not show it. The FEA's band of the
+    bend angle counts as the pressure that bends as much, scaled from the pressure's run.
     """
     seen = [part.effect.name for part in case.motion]
-    sources = [
-        Source(e.name, e.kind, e.std(columns), e.how) for e in case.effects if e.name not in seen
-    ]
+    effects = (e for e in case.effects if e.name not in seen)
+    sources = [Source(e.name, e.kind, e.std(columns), e.how) for e in effects]
     effect = case.effect("pressure")
     if not case.geometry or effect is None or seen:
         return sources
@@ -316,26 +289,22 @@ def run_sources(case: Case, columns: tuple[str, ...]) -> list[Source]:
 
 
 def motion_sources(case: Case, columns: tuple[str, ...], gain: float = 1.0) -> list[Source]:
-    """How well the recording's motion is known, and that its effect is taken for linear; `gain`: how much of it PIV shows.
+    """Uncertainty of the recording's motion and of its linear effect; `gain`: as PIV shows it.
 
-    Flow goes with the inverse of the time, 1/(1 + x) for a motion x slower: a line through the run's x₀ is off by x(x − x₀), the
-    part x − x₀ of what the motion explains.
+    Flow goes with 1/(1 + x) for a motion x slower: a line through the run's x₀ is off by
+    x(x − x₀), the part x − x₀ of what the motion explains.
     """
     sources = []
     for part in case.motion:
         moves, name = gain * np.abs(part.effect.moves(columns)), part.effect.name
-        sources.append(
-            Source(f"{name} as recorded", "data", moves * part.std, "posterior of the registration")
-        )
-        how = "effect of the motion taken for linear"
-        sources.append(
-            Source(f"{name}, linear", "input", moves * abs(part.share) * part.unlike, how)
-        )
+        sources.append(Source(f"{name} as recorded", "data", moves * part.std, POSTERIOR))
+        std, how = moves * abs(part.share) * part.unlike, "effect of the motion taken for linear"
+        sources.append(Source(f"{name}, linear", "input", std, how))
     return sources
 
 
 def explained_by_motion(case: Case, columns: tuple[str, ...]) -> np.ndarray | None:
-    """Part of S − D that follows from the recording's finger moving otherwise; None where that is not known."""
+    """Part of S − D due to the difference of the motions; None where that is not known."""
     if not case.motion:
         return None
     return -np.sum([part.share * part.effect.moves(columns) for part in case.motion], axis=0)

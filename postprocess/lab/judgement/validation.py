@@ -1,11 +1,9 @@
-"""Validation in the manner of ASME V&V 20: comparison error E = S − D against its uncertainty u_val, source by source.
+"""Validation after ASME V&V 20: comparison error E = S − D against its uncertainty u_val.
 
-The flow's S is that of the finer runs, the nominal one plus what they change, at the recording's own motion, linear in what the runs
-of pressure and duration change.
-
-E estimates the model's error within ± k u_val, u_val² = Σ u²: numerical, of the inputs, of the data. Where |E| is beyond k times
-what u_val is without a model error, the model errs by about E; else simulation and data agree, unless even a large model error would
-not have been seen: `detectable`.
+The flow's S is the nominal run plus what the finer runs change, at the recording's own motion
+(linear in what the runs of pressure and duration change). E estimates the model's error within
+± k u_val, u_val² = Σ u² over numerics, inputs and data. Beyond k times the u_val without a model
+error the model errs by about E; else both agree, unless a large error would not be `detectable`.
 """
 
 from __future__ import annotations
@@ -21,12 +19,12 @@ LEVEL = 0.95
 DRAWS = 20_000
 KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
 AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
-DIFFERS = "differs within the inputs"  # surely, but no more than the inputs' uncertainty lets it
+DIFFERS = "differs within the inputs"  # surely, but within the inputs' uncertainty
 
 
 @dataclass(frozen=True)
 class Source:
-    """One source of uncertainty: `kind` of `KINDS`, `std` (component,) in the quantity's unit, `how` it was found.
+    """One source of uncertainty: `kind` of `KINDS`, `std` (component,), `how` it was found.
 
     `share`: of E, where the source is that share of it and so grows with a model error.
     """
@@ -40,11 +38,11 @@ class Source:
 
 @dataclass(frozen=True)
 class ValidatedQuantity:
-    """One quantity: simulation (like with like and direct) and data, (component,), in SI, and its sources of uncertainty.
+    """One quantity: simulation (seen by PIV, and direct) and data, (component,), in SI.
 
-    `scale`: what too wide a band is measured by (SI). `explained`: part of S − D that comes from the recording's finger moving
-    otherwise, which E does not hold; None where that is not known. `instant`: standard uncertainty of each side's value at one instant, where
-    the quantity is a mean over several. `finer`: part of the simulation that runs finer than the nominal one have added; None where there is none.
+    `scale`: what a band is measured by. `explained`: part of S − D due to the difference of the
+    motions, which is not in E; None where it is not known. `instant`: standard uncertainty of each
+    side at one instant, of a mean over several. `finer`: part of S that the finer runs have added.
     """
 
     name: str
@@ -67,7 +65,7 @@ class ValidatedQuantity:
 
     @property
     def measurement_part(self) -> np.ndarray:
-        """Part of direct S − D that the measurement causes: what PIV makes of the simulation, taken off."""
+        """Part of direct S − D that the measurement causes."""
         return self.direct - self.simulation
 
     @property
@@ -76,11 +74,11 @@ class ValidatedQuantity:
         return np.sqrt(sum(s.std**2 for s in self.sources))
 
     def u_with(self, model_error: float) -> np.ndarray:
-        """Standard uncertainty of E, (component,), if the model errs by so much: sources that are a share of E grow with it."""
-        parts = [
+        """Standard uncertainty of E, (component,), if the model errs by so much."""
+        grown = (
             s.share * np.full_like(s.std, model_error) if s.share else s.std for s in self.sources
-        ]
-        return np.sqrt(sum(part**2 for part in parts))
+        )
+        return np.sqrt(sum(part**2 for part in grown))
 
     def u_kind(self, kind: str) -> np.ndarray:
         """Standard uncertainty of one kind of source, (component,)."""
@@ -93,15 +91,15 @@ class ValidatedQuantity:
         return max(self.sources, key=lambda s: float(np.sum(s.std**2)))
 
     def verdict(self, too_uncertain: float, level: float = LEVEL) -> str:
-        """One of `AGREES`, `ERROR`, `UNCERTAIN`: the last where a model error of `too_uncertain` times the scale could hide."""
+        """`ERROR`, `AGREES`, or `UNCERTAIN` where `too_uncertain` of the scale could hide."""
         if self.significance() > coverage_factor(self.error.size, level):
             return ERROR
         return AGREES if self.detectable(level) <= too_uncertain * self.scale else UNCERTAIN
 
     def detectable(self, level: float = LEVEL) -> float:
-        """The smallest model error δ (of the worst component) that the verdict finds with probability `LEVEL`; inf where none is.
+        """The smallest model error δ that the verdict finds with probability `LEVEL`; inf: none.
 
-        It exceeds the limit k u(0) by as many u(δ) as let it fall below in 5 %: δ = k u(0) + z u(δ).
+        Of the worst component: δ = k u(0) + z u(δ), so that 5 % fall below the limit k u(0).
         """
         k = coverage_factor(self.error.size, level)
         z = detectable_factor(self.error.size, level) - k
@@ -113,7 +111,7 @@ class ValidatedQuantity:
         return float(brentq(lambda delta: delta - k * u(0.0) - z * u(delta), 0.0, most))
 
     def differs(self, level: float = LEVEL) -> bool:
-        """Whether E is beyond what the data leave open, whatever the inputs may be."""
+        """Whether E is beyond the data's uncertainty, whatever the inputs may be."""
         of_data = self.u_kind("data")
         size = float(np.sqrt(np.sum((self.error / np.maximum(of_data, 1e-30)) ** 2)))
         return size > coverage_factor(self.error.size, level)
@@ -129,7 +127,7 @@ def coverage_factor(components: int, level: float = LEVEL) -> float:
 
 
 def detectable_factor(components: int, level: float = LEVEL) -> float:
-    """Model error over u_val that exceeds k of `level` with probability `LEVEL`, for so many components (1: 3.60)."""
+    """Model error over u_val that is found with probability `LEVEL` (1 component: 3.60)."""
     limit = coverage_factor(components, level) ** 2
     missed = lambda d: float(ncx2.cdf(limit, components, d**2)) - (1 - LEVEL)  # noqa: E731
     return float(brentq(missed, 1e-6, np.sqrt(limit) + 10))
@@ -142,10 +140,10 @@ def joint_level(quantities: int) -> float:
 
 @dataclass(frozen=True)
 class FieldComparison:
-    """The velocity field: E (time, 2, y, x; NaN where not common), what moves it coherently, and the vectors' own std.
+    """The velocity field: E (time, 2, y, x; NaN where not common) and its uncertainty.
 
-    `modes`: standard displacement of the field by each coherent source, {name: (kind, (time, 2, y, x))}; `noise`: standard
-    uncertainty of each vector of both sides together (time, 2, y, x).
+    `modes`: standard displacement of the field by each coherent source, {name: (kind,
+    (time, 2, y, x))}; `noise`: standard uncertainty of each vector of both sides together.
     """
 
     error: np.ndarray
@@ -167,12 +165,9 @@ class FieldComparison:
     def parts(self) -> dict[str, tuple[str, float]]:
         """RMS over the field of each source, m/s: the modes and the vectors' own."""
 
-        def rms(a):
-            return float(
-                np.sqrt(
-                    np.nanmean(np.sum(np.where(np.isfinite(self.error), a, np.nan) ** 2, axis=1))
-                )
-            )
+        def rms(part: np.ndarray) -> float:
+            known = np.where(np.isfinite(self.error), part, np.nan)
+            return float(np.sqrt(np.nanmean(np.sum(known**2, axis=1))))
 
         parts = {name: (kind, rms(mode)) for name, (kind, mode) in self.modes.items()}
         return parts | {"vectors": ("data", rms(self.noise))}
@@ -182,15 +177,16 @@ class FieldComparison:
         return float(np.sqrt(np.quantile(self._squares, level)))
 
     def detectable(self, level: float = LEVEL) -> float:
-        """The smallest RMS of a model error, unlike any source's field, that the verdict finds with probability `LEVEL`, m/s."""
-        return float(
-            np.sqrt(max(self.allowed_rms(level) ** 2 - np.quantile(self._squares, 1 - LEVEL), 0.0))
-        )
+        """The smallest RMS (m/s) of an error unlike all sources that is found with `LEVEL`."""
+        left = self.allowed_rms(level) ** 2 - np.quantile(self._squares, 1 - LEVEL)
+        return float(np.sqrt(max(left, 0.0)))
 
     @cached_property
     def _squares(self) -> np.ndarray:
-        """Mean squares of |E| (draw,) without a model error: Σ ξ_j mode_j + noise with independent standard normal ξ, since coherent
-        sources move the whole field at once."""
+        """Mean squares of |E| (draw,) without a model error.
+
+        Of Σ ξ_j mode_j + noise with standard normal ξ: a coherent source moves the whole field.
+        """
         ok = np.isfinite(self.error)
         flat = [np.where(ok, np.nan_to_num(m), 0.0).ravel() for _, m in self.modes.values()]
         points = max(int(np.isfinite(self.error[:, 0]).sum()), 1)

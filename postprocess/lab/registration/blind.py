@@ -1,7 +1,6 @@
-"""Pixels that tell nothing of the finger: what a holder hides at its root, what lies in its shadow where light comes from one side, and
-a side of it that reflects.
+"""Pixels that are left out of the fit: behind a holder, in the finger's shadow, at a reflection.
 
-Of the shaded side nothing can be fitted; the lit side and the finger's known thickness place it.
+Nothing can be fitted to the shaded side; the lit side and the known thickness place the finger.
 """
 
 from __future__ import annotations
@@ -16,21 +15,19 @@ from postprocess.lab.registration.outline_profile import (
     OutlineProfile,
     Seen,
     bright_side,
+    dense,
     outline_profile,
 )
 
-BRIGHT_PX = (
-    6  # to either side of an edge that reflects: its light moves particles' places, and adds some
-)
-UNSEEN_SIDE = (
-    0.5  # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
-)
+BRIGHT_PX = 6  # to either side of an edge that reflects, where its light moves and adds particles
+# of the finger's depth along the light: what is deeper is as dark as the shadow behind it
+UNSEEN_SIDE = 0.5
 
 
-def hidden_part(
+def _hidden_part(
     pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]
 ) -> np.ndarray:
-    """Pixels (rows, columns; row 0 at the top) beyond the line across the finger at rest, `hidden` (m) from its root."""
+    """Pixels (rows, columns) up to `hidden` (m) from the root along the finger at rest."""
     rows, columns = shape
     x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
     along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
@@ -38,9 +35,9 @@ def hidden_part(
 
 
 def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]) -> np.ndarray:
-    """Pixels (frame, rows, columns; row 0 at the top) behind the lit side of outlines (frame, point, 2; px, y up).
+    """Pixels (frame, rows, columns; row 0 at the top) behind the lit side of outlines (px, y up).
 
-    `light_from`: direction that the light comes from, rad from the picture's x axis.
+    `light_from`: direction of the light, rad from the picture's x axis.
     """
     rows, columns = shape
     onward = -np.array([np.cos(light_from), np.sin(light_from)])
@@ -50,24 +47,20 @@ def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]
     ray = np.rint(across).astype(int) - first
     out = np.zeros((len(outlines), rows, columns), bool)
     for frame, outline in enumerate(outlines):
-        after = np.roll(outline, -1, axis=0)
-        pieces = np.maximum(np.ceil(2 * np.hypot(*(after - outline).T)).astype(int), 1)
-        of = np.repeat(np.arange(len(outline)), pieces)
-        share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
-        dense = (1 - share) * outline[of] + share * after[of]
-        at = np.rint(dense[:, 1] * onward[0] - dense[:, 0] * onward[1]).astype(int) - first
+        along, _ = dense(outline, 2)
+        at = np.rint(along[:, 1] * onward[0] - along[:, 0] * onward[1]).astype(int) - first
         inside = (at >= 0) & (at <= ray.max())
         lit, behind = np.full(ray.max() + 1, np.inf), np.full(ray.max() + 1, -np.inf)
-        np.minimum.at(lit, at[inside], (dense @ onward)[inside])
-        np.maximum.at(behind, at[inside], (dense @ onward)[inside])
+        np.minimum.at(lit, at[inside], (along @ onward)[inside])
+        np.maximum.at(behind, at[inside], (along @ onward)[inside])
         met = np.isfinite(lit)
         lit[met] += UNSEEN_SIDE * (behind - lit)[met]
         out[frame] = depth > lit[ray]
     return out
 
 
-def bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Pixels (frame, rows, columns; row 0 at the top) along one side of outlines (frame, point, 2; px, y up): `on_side` (point,)."""
+def _bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (frame, rows, columns) along the points `on_side` (point,) of outlines (px, y up)."""
     out = np.zeros((len(outlines), *shape), np.uint8)
     ends = np.flatnonzero(on_side & np.roll(on_side, -1))
     for image, outline in zip(out, outlines, strict=True):
@@ -80,15 +73,14 @@ def bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int
 
 
 def seen_profile(seen: Seen, blind: np.ndarray | None) -> tuple[OutlineProfile, np.ndarray | None]:
-    """`outline_profile` of its first arguments without a side that reflects, and `blind` with the pixels along that."""
+    """`outline_profile` without a side that reflects, and `blind` with the pixels along it."""
     images, _, kinematics, *_ = seen
     profile = outline_profile(*seen, blind)
     side = bright_side(profile)
     if side == 0:
         return profile, blind
-    band = bright_band(
-        profile.outlines, outline_table(kinematics)[2][0, :, 2] == side, images[0].shape
-    )
+    on_side = outline_table(kinematics)[2][0, :, 2] == side
+    band = _bright_band(profile.outlines, on_side, images[0].shape)
     blind = band if blind is None else blind | band
     return outline_profile(*seen, blind), blind
 
@@ -101,11 +93,11 @@ def blind_parts(
     hidden: float,
     light_from: float | None,
 ) -> np.ndarray | None:
-    """Pixels (frame, rows, columns) that tell nothing, of frames with `outlines` (frame, point, 2) px; None where all do.
+    """Pixels (frame, rows, columns) to leave out of frames with `outlines` (px); None: none.
 
-    `hidden` (m): of the finger from its root on; `light_from` (rad): None where the light comes from all sides.
+    `hidden` (m): of the finger from its root on; `light_from` (rad): None: from all sides.
     """
-    dark = hidden_part(pose, kinematics, hidden, shape) if hidden else None
+    dark = _hidden_part(pose, kinematics, hidden, shape) if hidden else None
     if light_from is None:
         return None if dark is None else np.broadcast_to(dark, (len(outlines), *shape))
     shaded = shaded_parts(outlines, light_from, shape)

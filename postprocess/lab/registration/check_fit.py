@@ -1,12 +1,12 @@
-"""Whether a registration explains the pictures: part by part of the outline, picture by picture, and against what is plausible.
+"""Whether a registration explains the pictures, part by part, picture by picture, and plausibly.
 
-The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are missing beside the fitted
-outline or lie within it, the dark body is not the finger alone, and the fit may be off by many of its standard uncertainties.
+The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are
+missing beside the outline or lie within it, the fit may be off by many of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -34,28 +34,28 @@ from postprocess.lab.registration.outline_profile import (
 from postprocess.lab.registration.register import LEARN_FROM, ROOT_STD, TURN_STD, chosen_frames
 from postprocess.lab.registration.silhouette import learn
 
-GROWN = 1.5  # px, of the outline at most: particles are seen up to its edge, so that a sound fit is a little smaller than the finger
-FAR_OFF = 3.0  # standard deviations of what is known beforehand
-HARMLESS = 1.0  # %, change of the magnification over the finger that the fit takes up and no later step suffers from much
-# of the water's own particles per area: at least beside the outline; at most within it
+GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
+FAR_OFF = 3.0  # standard deviations from a stated or plausible value
+HARMLESS = 1.0  # %, change of the magnification over the finger that later steps tolerate
+# ratio to the water's own density: at least beside the outline, at most within it
 MISSING, WITHIN = 0.8, 0.08
 BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
 SHADOW = "particles are missing beside it, as in a shadow"
 BRIGHT = "it is brighter than the water, as by a reflection"
-DIRECTIONS_DEG = 5  # between the directions that light may come from
 GREEN, RED = (103, 194, 39), (66, 60, 235)  # BGR
 
 
 @dataclass(frozen=True)
 class FitCheck:
-    """Sentences on what does not fit (none: the fit is accepted), and what the picture of it shows: a frame, its outline (point, 2)
-    px with y up, and which of the outline's points belong to a part that does not fit."""
+    """Sentences on what does not fit (none: accepted), and a picture of it.
+
+    A frame, its outline (point, 2) px with y up, and which of its points do not fit.
+    """
 
     refusals: list[str]
     picture: np.ndarray
     outline: np.ndarray
     wrong: np.ndarray
-    profile: OutlineProfile = field(repr=False)
 
 
 def check_fit(
@@ -70,7 +70,7 @@ def check_fit(
     hidden: float = 0.0,
     light_from: float | None = None,
 ) -> FitCheck:
-    """Check a registration against the pictures that it was fitted to; arguments as of `register`, `turn_std` in rad."""
+    """Check a registration against its pictures; arguments as of `register`, `turn_std` in rad."""
     chosen = chosen_frames(recording, paired)
     images = [recording.frame(int(i)) for i in chosen]
     evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
@@ -78,35 +78,25 @@ def check_fit(
     drawn = np.empty((len(images), 0, 2)) if light_from is None else seen_outlines(*seen)
     blind = blind_parts(drawn, registration.pose, kinematics, recording.shape, hidden, light_from)
     profile, _ = seen_profile((images, evidence, *seen), blind)
-    parts = wrong_parts(profile)
+    parts = _wrong_parts(profile)
     motion = check_motion(kinematics, registration, np.diff(times).max())
+    refusals = check_priors(registration, scale_std, turn_std)
     # a motion that is not explained reads as perspective
-    refusals = [
-        *check_priors(registration, scale_std, turn_std),
-        *(motion or check_tilt(registration, kinematics.length)),
-    ]
+    refusals += motion or check_tilt(registration, kinematics.length)
     if parts:
-        refusals.append(parts_sentence(parts))
-    worst = worst_picture(profile)
-    if not parts and (share := float(np.mean(bad_pictures(profile)))) > BAD_PICTURES:
+        refusals.append(_parts_sentence(parts))
+    worst = _worst_picture(profile)
+    if not parts and (share := float(np.mean(_bad_pictures(profile)))) > BAD_PICTURES:
         refusals.append(
-            f"in {share:.0%} of the pictures, as the one at {registration.times[worst]:.3f} s, particles lie where the fitted"
-            " finger is; take out pictures in which something else hides it"
+            f"in {share:.0%} of the pictures, as the one at {registration.times[worst]:.3f} s,"
+            " particles lie where the fitted finger is; take out pictures in which something else"
+            " hides it"
         )
     shadow = SHADOW in parts.values() or registration.nuisance.values[0] > GROWN
     if shadow and light_from is None:
-        degrees = np.degrees(light_direction(profile))
-        refusals.append(
-            f"if light comes from one side (by the particles beside the finger from about {degrees:.0f}°, 0° being the right), state"
-            " light_from_deg"
-        )
-    return FitCheck(
-        refusals,
-        images[worst],
-        profile.outlines[worst],
-        np.isin(profile.part, list(parts)),
-        profile,
-    )
+        refusals.append("if light comes from one side, state light_from_deg")
+    wrong = np.isin(profile.part, list(parts))
+    return FitCheck(refusals, images[worst], profile.outlines[worst], wrong)
 
 
 def check_tilt(registration: Registration, length: float) -> list[str]:
@@ -116,61 +106,65 @@ def check_tilt(registration: Registration, length: float) -> list[str]:
     if change < HARMLESS or (np.abs(values) <= FAR_OFF * std).all():
         return []
     return [
-        f"the magnification changes by {change:.1f} % over the finger's length: the camera does not look squarely at the sheet; turn it,"
-        " or take a picture of a target in the sheet and use piv calibrate"
+        f"the magnification changes by {change:.1f} % over the finger's length: the camera does not"
+        " look squarely at the sheet; turn it, or take a picture of a target in the sheet and use"
+        " piv calibrate"
     ]
 
 
 def check_priors(
     registration: Registration, scale_std: float | None, turn_std: float | None
 ) -> list[str]:
-    """A sentence for each value that lies further from what is stated, or plausible, than what is known of it allows."""
+    """Sentences on values that lie too far from what is stated or plausible."""
     out = []
     std = np.sqrt(np.diag(registration.covariance))
     pose, stated = registration.pose, registration.stated
     edge, lateral = registration.nuisance.values[:2]
     most = FAR_OFF * NUISANCE_STD
     if not -most[0] <= edge <= GROWN:
+        change, limit = ("grown", GROWN) if edge > 0 else ("shrunk", most[0])
         out.append(
-            f"the outline had to be {'grown' if edge > 0 else 'shrunk'} by {abs(edge):.1f} px on all sides, more than blur and a"
-            f" mould's tolerance make of it ({GROWN if edge > 0 else most[0]:.1f} px): a shadow beside the finger, or a finger of another thickness"
+            f"the outline had to be {change} by {abs(edge):.1f} px on all sides, more than blur and"
+            f" a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or a"
+            " finger of another thickness"
         )
     if abs(lateral) > most[1]:
+        side = "dorsal" if lateral > 0 else "ventral"
         out.append(
-            f"the outline had to be moved by {abs(lateral):.1f} px to the finger's {'dorsal' if lateral > 0 else 'ventral'} side: a"
+            f"the outline had to be moved by {abs(lateral):.1f} px to the finger's {side} side: a"
             " shadow or a reflection on one side; light it from two sides or blacken the finger"
         )
     if stated is not None:
         turn = float(np.degrees(pose.angle - stated.angle))
         if abs(turn) > np.degrees(FAR_OFF * np.hypot(turn_std or TURN_STD, std[2])):
             out.append(
-                f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or give axes.turn_std_deg if it is not"
-                " known as well"
+                f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
+                " give axes.turn_std_deg if it is not known as well"
             )
         off = (np.asarray(pose.at_px) - stated.at_px) * pose.scale_m_per_px
         if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.scale_m_per_px * std[:2].max()):
-            out.append(
-                f"the root lies ({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm from where axes.root_px states it; correct it"
-            )
+            place = f"({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm"
+            out.append(f"the root lies {place} from where axes.root_px states it; correct it")
         away = float(np.log(pose.scale_m_per_px / stated.scale_m_per_px))
         if scale_std is not None and abs(away) > FAR_OFF * np.hypot(scale_std, std[3]):
             out.append(
-                f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated one, which is known to"
-                f" {100 * scale_std:.2g} %; correct the scale, its std_percent, or finger_length_std_mm"
+                f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated"
+                f" one, which is known to {100 * scale_std:.2g} %; correct the scale, its"
+                " std_percent, or finger_length_std_mm"
             )
     return out
 
 
-def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
-    """Parts of the outline, by their place in `NAMES`, that the pictures contradict, with what is seen there.
+def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
+    """Parts of the outline, by their place in `NAMES`, that the pictures contradict, and how.
 
-    Whole sides are looked at as well, for what is too little to show in one part. Counts of pictures that share their particles are
-    not independent: theirs are weighed by `independent_share`.
+    Whole sides are tested as well, for what is too little in one part. Counts of pictures that
+    share particles are weighed by `independent_share`.
     """
     share = independent_share(profile)
     count, area = profile.count.sum(axis=0), profile.area.sum(axis=0)
     whole = profile.rate()
-    # the water's own rate beside each part, so that uneven light is no shadow; beyond the root may be a wall
+    # the water's own rate beside each part, since light is uneven; beyond the root may be a wall
     enough = area[:, FAR] > 0.3 * np.median(area[:, FAR])
     own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
     own[0] = whole
@@ -190,23 +184,21 @@ def wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     for parts in [*([k] for k in range(len(NAMES))), *sides]:
         for band, sign, expected, limit, what in tests:
             seen, of_water = count[parts, band].sum(), water[parts, band].sum()
-            off = (
-                sign * (seen - expected * of_water) / np.sqrt(max(expected * of_water, 1.0) / share)
-            )
+            noise = np.sqrt(max(expected * of_water, 1.0) / share)
+            off = sign * (seen - expected * of_water) / noise
             if off > SURE and sign * (seen - limit * of_water) > 0:
                 found |= {part: what for part in parts if part not in found}
     return found
 
 
-def bad_pictures(profile: OutlineProfile) -> np.ndarray:
+def _bad_pictures(profile: OutlineProfile) -> np.ndarray:
     """Pictures (frame,) with more particles within the outline than `WITHIN` allows."""
     allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
-    return profile.count[..., INSIDE].sum(axis=1) - allowed > FAR_OFF * np.sqrt(
-        np.maximum(allowed, 1.0)
-    )
+    too_many = profile.count[..., INSIDE].sum(axis=1) - allowed
+    return too_many > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
 
 
-def worst_picture(profile: OutlineProfile) -> int:
+def _worst_picture(profile: OutlineProfile) -> int:
     """The picture that the outline fits worst: particles within it and missing beside it."""
     rate = profile.rate()
     within = profile.count[..., INSIDE].sum(axis=1)
@@ -214,28 +206,7 @@ def worst_picture(profile: OutlineProfile) -> int:
     return int(np.argmax(within - beside))
 
 
-def light_direction(profile: OutlineProfile) -> float:
-    """Where the light comes from, rad from the picture's x axis: beside the parts that face away from it particles are fewer and dimmer
-    than further off."""
-    along = np.roll(profile.outlines, -1, axis=1) - np.roll(profile.outlines, 1, axis=1)
-    outward = along[..., 1] - 1j * along[..., 0]
-    facing = np.stack(
-        [outward[:, profile.part == k].mean(axis=1) for k in range(len(NAMES))], axis=1
-    )
-    of_water = profile.light[..., FAR].sum(axis=0) / np.maximum(
-        profile.area[..., FAR].sum(axis=0), 1.0
-    )
-    beside = np.s_[..., [NEAR, NEXT]]
-    missing = of_water * profile.area[beside].sum(axis=2) - profile.light[beside].sum(axis=2)
-    from_ = np.radians(np.arange(-180, 180, DIRECTIONS_DEG))
-    away = (facing[..., None] * np.exp(-1j * from_)).real < 0
-    # as much missing behind the finger as can be, and as little before it
-    sides = (np.where(away, 1.0, -1.0) * missing[..., None]).sum(axis=(0, 1))
-    best = np.flatnonzero(sides > sides.max() - 1e-9)
-    return float(np.angle(np.exp(1j * from_[best]).mean()))
-
-
-def parts_sentence(parts: dict[int, str]) -> str:
+def _parts_sentence(parts: dict[int, str]) -> str:
     """Where the outline does not fit, in words."""
     places: dict[str, list[str]] = {}
     for part, what in parts.items():
@@ -244,17 +215,16 @@ def parts_sentence(parts: dict[int, str]) -> str:
             names.append(NAMES[part])
     where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
     return (
-        f"the finger's outline does not explain the pictures: {where}; light the finger so that water is seen all around it, or"
-        " give root_hidden_mm where its root is not"
+        f"the finger's outline does not explain the pictures: {where}; light the finger so that"
+        " water is seen all around it, or give root_hidden_mm where its root is not"
     )
 
 
 def draw_fit(check: FitCheck) -> bytes:
     """PNG of the picture with the outline on it, the part that does not fit in red."""
     grey = check.picture.astype(np.float32)
-    grey = np.clip(grey * (255 / max(float(np.percentile(grey, 99.5)), 1.0)), 0, 255).astype(
-        np.uint8
-    )
+    grey *= 255 / max(float(np.percentile(grey, 99.5)), 1.0)
+    grey = np.clip(grey, 0, 255).astype(np.uint8)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     corners = np.column_stack([check.outline[:, 0], grey.shape[0] - 1 - check.outline[:, 1]])
     corners = np.round(corners * 16).astype(np.int32)

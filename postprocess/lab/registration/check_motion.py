@@ -1,4 +1,4 @@
-"""Whether the law of motion explains what single pictures show: its factors, its misfit, and a clock that jumps."""
+"""Whether the law of motion explains single pictures: factors, misfit, jumps of the clock."""
 
 from __future__ import annotations
 
@@ -17,45 +17,45 @@ NOISE = 0.002  # of the range of pressure: what a single picture is not known be
 
 
 def check_motion(kinematics: Kinematics, registration: Registration, interval: float) -> list[str]:
-    """A sentence for each thing that the law does not explain; `interval` (s): between pictures that follow each other."""
+    """Sentences on what the law does not explain; `interval` (s): between successive pictures."""
     factor, _, stretch = registration.law.values
     span = kinematics.high - kinematics.low
     if not 1 / LARGEST < stretch < LARGEST:
         return [
-            f"the stroke of the pictures takes {stretch:.2g} times the simulation's; correct frame_rate_hz (of pictures in pairs: the"
-            " pairs per second), or motion.strokes of the scene"
+            f"the stroke of the pictures takes {stretch:.2g} times the simulation's; correct"
+            " frame_rate_hz (of pictures in pairs: the pairs per second), or motion.strokes of the"
+            " scene"
         ]
     if not 1 / LARGEST < factor < LARGEST:
         return [
-            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure; correct motion.strokes of the scene"
+            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure;"
+            " correct motion.strokes of the scene"
         ]
-    at, jump, std = largest_jump(kinematics, registration)
+    at, jump, std = _largest_jump(kinematics, registration)
     if abs(jump) > max(SURE * std, 0.7 * interval):
-        told = (
-            "pictures are missing there"
-            if jump < 0
-            else "a picture is there twice, or the finger halted"
-        )
+        where, why = "ahead of", "pictures are missing there"
+        if jump > 0:
+            where, why = "behind", "a picture is there twice, or the finger halted"
         return [
-            f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {'ahead of' if jump < 0 else 'behind'} its"
-            f" motion before: {told} (dropped frames); give the part before or behind it as a recording of its own"
+            f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {where}"
+            f" its motion before: {why} (dropped frames); give the part before or behind it as a"
+            " recording of its own"
         ]
     if registration.law.misfit > MISFIT * span:
-        off = np.degrees(
-            abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
-        )
+        off = abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
         return [
-            f"single pictures lie {off:.1f}° (rms) off the simulation's law of motion, however it is stretched; check frame_rate_hz,"
-            " missing pictures, and motion.strokes of the scene"
+            f"single pictures lie {np.degrees(off):.1f}° (rms) off the simulation's law of motion,"
+            " however it is stretched; check frame_rate_hz, missing pictures, and motion.strokes of"
+            " the scene"
         ]
     return []
 
 
-def largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[float, float, float]:
-    """The jump of the clock that single pictures show most surely: when (s of the recording), how far and its standard deviation (s).
+def _largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[float, float, float]:
+    """The most significant jump of the clock: when (s), its size and standard deviation (s).
 
-    Least squares of the pictures' pressures about the law, a smooth lag, and the delay from one picture on; negative: what is
-    seen there is later in the motion than the clock says.
+    Least squares of the pictures' pressures by the law, a smooth lag, and a delay from one picture
+    on. Negative: the motion is ahead of the clock.
     """
     times, values = registration.times, registration.law.values
     if times.size < FEWEST:
@@ -69,10 +69,8 @@ def largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[fl
         change = step * np.eye(3)[k]
         ahead, back = (law_pressure(kinematics, times, values + s * change) for s in (1, -1))
         basis[:, k] = (ahead - back) / (2 * step) / noise
-    for k, power in (
-        (3, 2),
-        (4, 3),
-    ):  # a finger that lags smoothly, as one with hysteresis, has no jump
+    # a finger that lags smoothly, as one with hysteresis, has no jump
+    for k, power in ((3, 2), (4, 3)):
         basis[:, k] = basis[:, 1] * np.linspace(-1, 1, times.size) ** power
     best = (0.0, 0.0, np.inf)
     for split in range(ENDS, times.size - ENDS):

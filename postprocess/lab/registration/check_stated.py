@@ -1,7 +1,7 @@
-"""What is stated wrongly by much is named before anything is fitted: mirrored pictures, the scale, the frame rate.
+"""Handedness, scale or frame rate that are stated clearly wrongly, named before the fit.
 
-A fit begun there ends anywhere, and its complaint names the simulation. The first guess is scored against the alternatives instead;
-where one of them is better, but the fit as good, as beside a bright edge, nothing was wrong but the first guess.
+A fit begun there ends anywhere, and its complaint names the simulation. The stated values are
+scored against alternatives; an alternative counts only where the fit is not as good as well.
 """
 
 from __future__ import annotations
@@ -16,24 +16,28 @@ from postprocess.lab.registration.fit_outline import Frames, outline_table
 from postprocess.lab.registration.outline_sampler import all_scores
 
 RATES, SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0), (0.5, 2.0)
-CLEARLY = 1.3  # times the evidence of what is stated: an alternative that fits as much better is the truth
+CLEARLY = 1.3  # times the evidence of what is stated, from which an alternative is the truth
 STRETCHED = 1.5  # duration, either way, up to which a fit is one of the stated rate
 COARSE_S = 0.012  # s between delays that are tried
-# px by which the outline grows: it is smaller than the finger, so that neither a first guess nor a reflection at its edge counts
+# growth of the outline (px): a smaller one tolerates a rough pose and reflections
 GROWN_PX = -3.0
+
+Shapes = tuple[np.ndarray, np.ndarray, np.ndarray]  # of `outline_table`
 
 
 def best_delay(
     frames: Frames,
-    shapes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shapes: Shapes,
     kinematics: Kinematics,
     pose: Pose,
     delays: np.ndarray,
     stretch: float = 1.0,
     grown_px: float = -1.0,
 ) -> tuple[float, float]:
-    """Of some delays (s) that at which the simulation's motion fits the frames best, and its evidence; `shapes` as of
-    `outline_table`, grown by `grown_px`: a little smaller, so that a first guess off by a pixel costs nothing."""
+    """The delay (s) at which the simulation's motion fits the frames best, and its evidence.
+
+    `grown_px`: growth of the outlines; smaller ones tolerate a rough pose.
+    """
     table, outlines, normals = shapes
     pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
     seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px, 0.0, 0.0, 0.0)
@@ -46,10 +50,8 @@ def best_delay(
     return float(delays[best]), float(scores[best])
 
 
-def mirrored(
-    shapes: tuple[np.ndarray, np.ndarray, np.ndarray], anchor: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The outlines of a finger that bends to the other side of the vertical through `anchor` (m)."""
+def _mirrored(shapes: Shapes, anchor: tuple[float, float]) -> Shapes:
+    """The outlines of a finger that bends to the other side of the vertical through `anchor`."""
     table, outlines, normals = shapes
     flip = np.array([-1.0, 1.0, 1.0])
     turned = (outlines[:, ::-1] - anchor) * flip[:2] + anchor
@@ -59,32 +61,31 @@ def mirrored(
 def stated_wrongly(
     frames: Frames, kinematics: Kinematics, pose: Pose, *, scale_known: bool
 ) -> tuple[str, float]:
-    """The handedness, scale or frame rate that explains the frames clearly better than the stated one, in a sentence, with its
-    evidence; an empty one where there is none."""
+    """A sentence on the alternative that explains the frames clearly better, and its evidence.
+
+    An empty sentence where there is none.
+    """
     shapes = outline_table(kinematics)
     span = float(frames.times[-1] - frames.times[0])
 
-    def score(
-        stretch: float = 1.0, scale: float = 1.0, of: tuple[np.ndarray, ...] = shapes
-    ) -> float:
+    def score(stretch: float = 1.0, scale: float = 1.0, of: Shapes = shapes) -> float:
         reach = max(span, stretch * float(np.ptp(kinematics.time)))
         delays = np.arange(-reach, span, max(COARSE_S * stretch, reach / 80))
         seen = replace(pose, scale_m_per_px=pose.scale_m_per_px * scale)
-        return best_delay(frames, of, kinematics, seen, delays, stretch, GROWN_PX)[1]  # type: ignore[arg-type]
+        return best_delay(frames, of, kinematics, seen, delays, stretch, GROWN_PX)[1]
 
     others = {
-        'the finger bends to the other side than the simulation\'s; the pictures are mirrored: correct axes.x in dpiv.toml ("left"'
-        ' where it is "right")': score(of=mirrored(shapes, kinematics.root))
+        "the finger bends to the other side than the simulation's; the pictures are mirrored:"
+        ' correct axes.x in dpiv.toml ("left" where it is "right")': score(
+            of=_mirrored(shapes, kinematics.root)
+        )
     }
-    if scale_known:
-        for factor in SCALES:
-            others[
-                f"the finger is as long as if the scale were {factor:g} times the stated one; correct [scale] in dpiv.toml"
-            ] = score(scale=factor)
+    for factor in SCALES if scale_known else ():
+        text = f"the finger is as long as if the scale were {factor:g} times the stated one"
+        others[f"{text}; correct [scale] in dpiv.toml"] = score(scale=factor)
     for factor in RATES:
-        others[
-            f"the finger moves as if the pictures were taken {factor:g} times as fast as stated; correct frame_rate_hz in dpiv.toml (of"
-            " pictures in pairs: the pairs per second), or motion.strokes of the scene"
-        ] = score(stretch=factor)
+        text = f"the finger moves as if the pictures were taken {factor:g} times as fast as stated"
+        text += "; correct frame_rate_hz in dpiv.toml (of pictures in pairs: the pairs per second),"
+        others[f"{text} or motion.strokes of the scene"] = score(stretch=factor)
     best = max(others, key=lambda name: others[name])
     return (best, others[best]) if others[best] > CLEARLY * max(score(), 0.0) else ("", 0.0)

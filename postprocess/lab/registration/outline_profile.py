@@ -1,7 +1,6 @@
-"""Particles along the fitted outline: how many there are in bands inside and outside of it, part by part, against the water's own.
+"""Particles in bands along the fitted outline, part by part, against the water's own density.
 
-A fit that explains the silhouette leaves none inside and the water's own outside. Shadows, reflections and holders show as parts
-of the outline where that is not so.
+A sound fit has none inside and the water's own outside; shadows, reflections and holders have not.
 """
 
 from __future__ import annotations
@@ -17,46 +16,40 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.fit_outline import outline_table
 from postprocess.lab.registration.silhouette import WaterLikelihood, particles
 
-BANDS = np.array(
-    [-9.0, -1.5, 1.5, 6.0, 12.0, 30.0]
-)  # px from the outline, outside positive; the last is the water's own
+# px from the outline, outside positive; the last band is the water's own
+BANDS = np.array([-9.0, -1.5, 1.5, 6.0, 12.0, 30.0])
 INSIDE, EDGE, NEAR, NEXT, FAR = range(len(BANDS) - 1)
 LENGTHS = 4  # parts that a side is cut in from root to tip
 ENDS = 0.04  # of the finger's length: how far root and tip reach
 SIDES = ("ventral", "dorsal")
 NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
 SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
-ON_EDGE = (
-    1.25  # of the water's own particles per area on and beside the outline: more are a reflection's
-)
+ON_EDGE = 1.25  # ratio to the water's own density on and beside the outline: more is a reflection
 GRID_PX = 2  # pixels in each direction that a point of the area stands for
 
 
 @dataclass(frozen=True)
 class OutlineProfile:
-    """Particles, their light (sum of grey levels above the body's) and area (px²) by frame, part of `NAMES` and band of `BANDS`,
-    (frame, part, band); outlines (frame, point, 2) in px, y up, and the part that each of their points belongs to."""
+    """Particles and area (px²) by frame, part of `NAMES` and band of `BANDS`.
+
+    Outlines (frame, point, 2) in px, y up, and the part that each of their points belongs to.
+    """
 
     count: np.ndarray
-    light: np.ndarray
     area: np.ndarray
     outlines: np.ndarray
     part: np.ndarray
 
-    def rate(self, frames: np.ndarray | slice = slice(None)) -> float:
+    def rate(self) -> float:
         """Particles per px² in the water around the finger."""
-        return float(
-            self.count[frames][..., FAR].sum() / max(self.area[frames][..., FAR].sum(), 1.0)
-        )
+        return float(self.count[..., FAR].sum() / max(self.area[..., FAR].sum(), 1.0))
 
 
-def parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
+def _parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
     """The part of `NAMES` of each point of the outline (point, 2; m) at rest."""
     start = float(kinematics.law(kinematics.time[0]))
-    along, dorsal = (
-        kinematics.shape("tip_direction", start),
-        kinematics.shape("dorsal_direction", start),
-    )
+    along = kinematics.shape("tip_direction", start)
+    dorsal = kinematics.shape("dorsal_direction", start)
     from_root = outline - np.asarray(kinematics.root)
     reached = from_root @ along / kinematics.length
     across = from_root @ dorsal
@@ -79,14 +72,15 @@ def outline_profile(
     nuisance: np.ndarray,
     blind: np.ndarray | None = None,
 ) -> OutlineProfile:
-    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa and the outline changed by `nuisance` (4
-    of `files.NUISANCE`); `blind` (frame, rows, columns): pixels that tell nothing."""
+    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa.
+
+    `nuisance` (4,): of the outline; `blind` (frame, rows, columns): pixels to leave out.
+    """
     table, outlines, _ = outline_table(kinematics)
-    part = parts_of(
-        kinematics, outlines[np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))]
-    )
+    rest = np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))
+    part = _parts_of(kinematics, outlines[rest])
     shape = (len(images), len(NAMES), len(BANDS) - 1)
-    count, light, area = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    count, area = np.zeros(shape), np.zeros(shape)
     drawn = seen_outlines(kinematics, pose, pressures, nuisance)
     for f, (image, outline) in enumerate(zip(images, drawn, strict=True)):
         row, column = particles(image, evidence.threshold)
@@ -97,57 +91,44 @@ def outline_profile(
         axes = [np.arange(low[i], high[i], GRID_PX) for i in (0, 1)]
         grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         spots = spots[((spots >= low) & (spots <= high)).all(axis=1)]
-        i, j = np.rint(spots).astype(int).T
-        grey = image[image.shape[0] - 1 - j, i] - evidence.body_level
-        nearest = _Nearest(outline, part)
-        of_spots = np.column_stack([np.ones(len(spots)), grey])
-        of_grid = np.full((len(grid), 1), float(GRID_PX**2))
-        for points, values, totals in ((spots, of_spots, (count, light)), (grid, of_grid, (area,))):
+        along, corner = dense(outline, 1)
+        tree, corners = cKDTree(along), outline.astype(np.float32).reshape(-1, 1, 2)
+        for points, each, total in ((spots, 1.0, count), (grid, float(GRID_PX**2), area)):
             if blind is not None:
                 i, j = np.rint(points).astype(int).T
-                seen = ~blind[f, image.shape[0] - 1 - j, i]
-                points, values = points[seen], values[seen]
-            near, of, distance = nearest(points)
+                points = points[~blind[f, image.shape[0] - 1 - j, i]]
+            away, nearest = tree.query(points, distance_upper_bound=BANDS[-1])
+            near = np.isfinite(away)
+            of = part[corner[nearest[near]]]
+            test = (cv2.pointPolygonTest(corners, at, False) for at in points[near].tolist())
+            distance = np.where([side > 0 for side in test], -away[near], away[near])
             band = np.digitize(distance, BANDS) - 1
             ok = (band >= 0) & (band < len(BANDS) - 1)
-            for total, each in zip(totals, values[near][ok].T, strict=True):
-                np.add.at(total[f], (of[ok], band[ok]), each)
-    return OutlineProfile(count, light, area, drawn, part)
+            np.add.at(total[f], (of[ok], band[ok]), each)
+    return OutlineProfile(count, area, drawn, part)
 
 
 def seen_outlines(
     kinematics: Kinematics, pose: Pose, pressures: np.ndarray, nuisance: np.ndarray
 ) -> np.ndarray:
-    """Outlines (frame, point, 2) px of the finger at `pressures` (frame,) Pa as the fit draws them."""
+    """Outlines (frame, point, 2) px at `pressures` (frame,) Pa as the fit draws them."""
     table, outlines, normals = outline_table(kinematics)
+    edge, lateral, *perspective = nuisance
     drawn = []
     for pressure in pressures:
         at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
         k, w = int(at), at - int(at)
-        outward = (1 - w) * normals[k] + w * normals[k + 1]
-        drawn.append(
-            seen_outline(pose, (1 - w) * outlines[k] + w * outlines[k + 1], outward, nuisance)
-        )
+        outline, normal = ((1 - w) * a[k] + w * a[k + 1] for a in (outlines, normals))
+        from_root = outline - pose.anchor
+        near = from_root / (1 + from_root @ np.asarray(perspective))[:, None] + pose.anchor
+        out = (edge + lateral * normal[:, 2:]) * normal[:, :2]
+        drawn.append(pose.to_px(near) + out @ pose.rotation.T)
     return np.array(drawn)
 
 
-def seen_outline(
-    pose: Pose, outline: np.ndarray, normals: np.ndarray, nuisance: np.ndarray
-) -> np.ndarray:
-    """The outline (point, 2) px that the fit draws; `normals` (point, 3) as of `outline_table`, `nuisance` of `files.NUISANCE`."""
-    edge, lateral, *perspective = nuisance
-    from_root = outline - pose.anchor
-    near = from_root / (1 + from_root @ np.asarray(perspective))[:, None] + pose.anchor
-    out = (edge + lateral * normals[:, 2:]) * normals[:, :2]
-    return pose.to_px(near) + out @ pose.rotation.T
-
-
 def independent_share(profile: OutlineProfile) -> float:
-    """Share of the pictures that bring news of particles beside the finger, from how alike the counts of successive ones are."""
-    count, area = (
-        profile.count[..., NEAR],
-        profile.area[..., NEAR],
-    )  # the nearer, the longer they stay
+    """Share of independent pictures, by the correlation of successive counts beside the finger."""
+    count, area = (a[..., NEAR] for a in (profile.count, profile.area))  # they stay longest there
     mean = count.sum(axis=0) / np.maximum(area.sum(axis=0), 1.0) * area
     z = (count - mean) / np.sqrt(np.maximum(mean, 1.0))
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
@@ -156,36 +137,24 @@ def independent_share(profile: OutlineProfile) -> float:
 
 
 def bright_side(profile: OutlineProfile) -> int:
-    """The side along which a reflection adds particles: 1 dorsal, -1 ventral, 0 none; where both do, none can be left out."""
+    """The side with a reflection: 1 dorsal, -1 ventral; 0: none, or both."""
     share, rate = independent_share(profile), profile.rate()
     found = []
     for side, name in ((-1, "ventral"), (1, "dorsal")):
         parts = [k for k, other in enumerate(NAMES) if other.startswith(name)]
-        count = profile.count[:, parts][..., [EDGE, NEAR]].sum(axis=(0, 1))
-        water = rate * profile.area[:, parts][..., [EDGE, NEAR]].sum(axis=(0, 1))
+        totals = (a[:, parts][..., [EDGE, NEAR]] for a in (profile.count, profile.area))
+        count, area = (a.sum(axis=(0, 1)) for a in totals)
+        water = rate * area
         sure = count - water > SURE * np.sqrt(np.maximum(water, 1.0) / share)
         if (sure & (count > ON_EDGE * water)).any():
             found.append(side)
     return found[0] if len(found) == 1 else 0
 
 
-class _Nearest:
-    """Of the points that are near the outline (point, 2) px: which they are, its part nearest to each, the distance, outside positive."""
-
-    def __init__(self, outline: np.ndarray, part: np.ndarray) -> None:
-        after = np.roll(outline, -1, axis=0)
-        pieces = np.maximum(np.ceil(np.hypot(*(after - outline).T)).astype(int), 1)
-        of = np.repeat(np.arange(len(outline)), pieces)
-        share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
-        self._tree = cKDTree((1 - share) * outline[of] + share * after[of])
-        self._part = part[of]
-        self._corners = outline.astype(np.float32).reshape(-1, 1, 2)
-
-    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        away, index = self._tree.query(points, distance_upper_bound=BANDS[-1])
-        near = np.isfinite(away)
-        away, points = away[near], points[near]
-        inside = [
-            cv2.pointPolygonTest(self._corners, (float(x), float(y)), False) > 0 for x, y in points
-        ]
-        return near, self._part[index[near]], np.where(inside, -away, away)
+def dense(outline: np.ndarray, per_px: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a closed outline (px), at least `per_px` in a pixel, and the corner before each."""
+    after = np.roll(outline, -1, axis=0)
+    pieces = np.maximum(np.ceil(per_px * np.hypot(*(after - outline).T)).astype(int), 1)
+    of = np.repeat(np.arange(len(outline)), pieces)
+    share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
+    return (1 - share) * outline[of] + share * after[of], of

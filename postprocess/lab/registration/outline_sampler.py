@@ -1,4 +1,4 @@
-"""The sampler of `fit_outline`, compiled: how well an outline fits a frame, and Metropolis steps of pose, law and bends."""
+"""The compiled sampler of `fit_outline`: Metropolis steps of pose, law and bends."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ LAW_STEPS = 4  # of the law alone, in each sweep
 def frame_score(integral, mean, outlines, normals, anchor, seat, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
-    `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m), angle (rad), scale (m per px), and
-    the four of `files.NUISANCE`: growth of the outline and its shift to the dorsal side (px), perspective along x and y (1/m).
-    `normals` as of `outline_table`.
+    `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m),
+    angle (rad), scale (m per px), and the four of `files.Nuisance`; `normals` as of
+    `outline_table`.
     """
     x0, y0, angle, scale_m_per_px, edge, lateral, along_x, along_y = seat
     c, s = np.cos(angle), np.sin(angle)
@@ -53,15 +53,6 @@ def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
 
 
 @numba.njit(cache=True)
-def frame_scores(integral, mean, outlines, normals, anchor, seat, places):
-    """`frame_score` of one frame at several `places`, (place,)."""
-    out = np.empty(places.size)
-    for k in range(places.size):
-        out[k] = frame_score(integral, mean, outlines, normals, anchor, seat, places[k])
-    return out
-
-
-@numba.njit(cache=True)
 def seat_of(first, change):
     """The `seat` of `frame_score` that `first` (11,) becomes by a change (11,) of the chain."""
     to = first + change
@@ -70,7 +61,10 @@ def seat_of(first, change):
 
 @numba.njit(cache=True)
 def law_places(times, values, law, begin, step):
-    """Places in the table at `times` (s): start + factor (law((t - delay)/stretch) - start); `law` at `begin` + k `step` (s)."""
+    """Places at `times` (s) by start + factor (law((t - delay)/stretch) - start).
+
+    `law` is tabulated at `begin` + k `step` (s).
+    """
     out = np.empty(times.size)
     for f in range(times.size):
         at = ((times[f] - values[1]) / values[2] - begin) / step
@@ -82,18 +76,41 @@ def law_places(times, values, law, begin, step):
 
 @numba.njit(cache=True)
 def walk(
-    integrals, mean_evidence, outlines, normals, anchor, first, changes, offs, times, law, begin, step, factor, sizes, alone, adapt,
-    mean_prior, weight_prior, apart, heat, out, out_places, rng,
-):  # fmt: skip
-    """Sweeps of several chains through (x, y, angle, ln magnification, 4 of `files.NUISANCE`, factor, delay, stretch) and the frames' places.
+    integrals,
+    mean_evidence,
+    outlines,
+    normals,
+    anchor,
+    first,
+    changes,
+    offs,
+    times,
+    law,
+    begin,
+    step,
+    factor,
+    sizes,
+    alone,
+    adapt,
+    mean_prior,
+    weight_prior,
+    apart,
+    heat,
+    out,
+    out_places,
+    rng,
+):
+    """Sweeps of several chains through pose, nuisance, law and the frames' places.
 
-    `first` (11,): the same with scale_m_per_px in the magnification's place; a chain is at a change (11,) of it, `changes` (chain, 11),
-    and at deviations `offs` (chain, frame) of the places from the law's, of standard size `apart` (frame,); both are moved on. Besides
-    steps of all together the law takes steps under places that stay, which only the deviations have to follow (interweaving, Yu and
-    Meng 2011): where deviations may be large, it would else hardly move. `factor` (11, 11): Cholesky factor of the steps' covariance;
-    `sizes` (2,), `alone` (frame,): sizes of joint steps, of the law's and of each frame's, adapted by `adapt`. Priors of the changes: `mean_prior`, `weight_prior` (one
-    over their variance). `heat`: share of the evidence that counts. States go to `out` (chain, sweep, 11), `out_places` (chain, sweep,
-    frame). Returns the evidence (chain,) at the end.
+    A chain is at a change (11,) of `first` (x, y, angle, scale or ln magnification, 4 of
+    `files.Nuisance`, factor, delay, stretch), `changes` (chain, 11), and at deviations `offs`
+    (chain, frame) of the places from the law's, of standard size `apart` (frame,); both are moved
+    on. Besides joint steps the law takes steps under places that stay, which only the deviations
+    follow (interweaving, Yu and Meng 2011): it would else hardly move where these are large.
+    `factor` (11, 11): Cholesky factor of the steps' covariance; `sizes` (2,), `alone` (frame,):
+    sizes of joint steps, of the law's and of each frame's, adapted by `adapt`. `mean_prior`,
+    `weight_prior`: of the changes' priors. `heat`: share of the evidence that counts. States go to
+    `out` (chain, sweep, 11) and `out_places` (chain, sweep, frame). Returns the evidence (chain,).
     """
     chains, sweeps, size = out.shape
     frames = times.size

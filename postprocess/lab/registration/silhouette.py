@@ -1,9 +1,9 @@
-"""The dark finger in pictures of bright particles: how well an outline fits, by where particles are.
+"""Likelihood of an outline of the dark finger in pictures of bright particles.
 
-No particle's centre lies in the body; outside they are strewn evenly. For particles of a Poisson process the logarithm of
-the likelihood that an outline holds the body is (rate outside − rate inside)·area − n·ln(rate outside/rate inside) with n
-particles inside it: largest where the outline holds all that is empty and no particle. Unlike a threshold on grey levels it
-needs no closing over the gaps between particles, and light that spills over the body's edge does not move it.
+Particles of a Poisson process have no centre within the body. The log-likelihood of an outline is
+(rate outside − rate inside)·area − n·ln(rate outside/rate inside), with n particles inside it.
+Unlike a threshold on grey levels it needs no closing of gaps, and light at the edge does not move
+it.
 """
 
 from __future__ import annotations
@@ -16,22 +16,19 @@ import numpy as np
 
 from piv.images.masks import dark_body
 
-COST = (
-    4.0  # at most, of a particle against an outline: a reflection on the body must not push it off
-)
-# blur of a particle's place: wide, so that particles at rest beside the body are no barriers; as well as it is measured
+COST = 4.0  # at most, of a particle within an outline: a reflection on the body must not move it
+# blur of a particle's place: wide, so that single particles are no barriers; as it is measured
 ROUGH_PX, FINE_PX = 1.5, 0.5
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
-CORE_PX, CLEAR_PX = (
-    9,
-    15,
-)  # away from the first guess of the body's edge: surely inside, surely outside
+CORE_PX, CLEAR_PX = 9, 15  # from the first guess of the edge: surely inside, surely outside
 
 
 @dataclass(frozen=True)
 class WaterLikelihood:
-    """What tells water from body: `threshold` (grey level) of a particle, `rate` of particles in water (1/px²), `cost` of one
-    inside an outline; `body_level`, `body_std`: grey levels of the body."""
+    """`threshold` (grey level) and `rate` (1/px²) of particles, and the body's grey levels.
+
+    `cost`: of a particle inside an outline.
+    """
 
     threshold: float
     rate: float
@@ -40,7 +37,7 @@ class WaterLikelihood:
     body_std: float
 
     def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
-        """The evidence of a frame (row 0 at the top), (rows, columns) float32; its sum over a region is that for a body there."""
+        """Evidence (rows, columns) of a frame; its sum over a region is for a body there."""
         empty_frame = np.full(frame.shape, np.float32(self.rate))
         row, column = particles(frame, self.threshold)
         i, j = column.astype(int), row.astype(int)
@@ -53,7 +50,7 @@ class WaterLikelihood:
 
 
 def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns (px, three-point Gaussian fit) of the local maxima above a grey level, none on the border."""
+    """Rows and columns (px, three-point Gaussian fit) of the local maxima above a grey level."""
     grey = frame.astype(np.float32)
     top = (grey >= cv2.dilate(grey, np.ones((3, 3), np.uint8))) & (grey > threshold)
     top[[0, -1]], top[:, [0, -1]] = False, False
@@ -61,26 +58,23 @@ def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarr
     log = np.log(np.maximum(grey, 1.0))
     places = []
     for at, (dj, di) in ((row, (1, 0)), (column, (0, 1))):
-        before, here, after = (
-            log[row - dj, column - di],
-            log[row, column],
-            log[row + dj, column + di],
-        )
+        steps = (-1, 0, 1)
+        before, here, after = (log[row + s * dj, column + s * di] for s in steps)
         curve = np.minimum(before + after - 2 * here, -1e-6)
         places.append(at + np.clip(0.5 * (before - after) / curve, -0.5, 0.5))
     return places[0], places[1]
 
 
 def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> WaterLikelihood:
-    """Evidence learnt from frames (row 0 at the top) in which the body is roughly known (found by piv.images.masks if not given)."""
+    """The likelihood of frames (row 0 at the top) with the body roughly at `masks`; None: found."""
     masks = [dark_body(f) for f in frames] if masks is None else masks
     cores = [shrunk(m, CORE_PX) for m in masks]
     clears = [shrunk(~m, CLEAR_PX) for m in masks]
     inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
     if inside.size < 200 or sum(m.sum() for m in clears) < 200:
         raise ValueError(
-            f"the dark body leaves {inside.size} pixels well inside it; the finger must be wider than"
-            f" {2 * CORE_PX} px and must not fill the picture"
+            f"the dark body leaves {inside.size} pixels well inside it; the finger must be wider"
+            f" than {2 * CORE_PX} px and must not fill the picture"
         )
     level = float(np.median(inside))
     std = max(1.4826 * float(np.median(np.abs(inside - level))), 0.5)
@@ -94,11 +88,11 @@ def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Wa
     within, rate = (count + 0.5) / area
     if not rate > 5 * within:
         raise ValueError(
-            f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two cannot be told apart"
+            f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two"
+            " cannot be told apart; check that the finger is darker than the seeded water"
         )
-    return WaterLikelihood(
-        threshold, rate - within, min(float(np.log(rate / within)), COST), level, std
-    )
+    cost = min(float(np.log(rate / within)), COST)
+    return WaterLikelihood(threshold, rate - within, cost, level, std)
 
 
 def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
@@ -106,21 +100,8 @@ def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
     return cv2.erode(mask.astype(np.uint8), np.ones((2 * by_px + 1,) * 2, np.uint8)).astype(bool)
 
 
-def outward(outlines: np.ndarray) -> np.ndarray:
-    """Unit normals (…, point, 2) of outlines (…, point, 2), counter-clockwise, out of them."""
-    along = np.roll(outlines, -1, axis=-2) - np.roll(outlines, 1, axis=-2)
-    normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-    return normals / np.maximum(np.hypot(normals[..., 0], normals[..., 1]), 1e-12)[..., None]
-
-
-def sides(normals: np.ndarray, dorsal: np.ndarray) -> np.ndarray:
-    """Of the finger at rest (point,): 1 on the dorsal side, -1 on the ventral one, 0 at root and tip."""
-    up = normals @ dorsal
-    return np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
-
-
 def integral_image(evidence: np.ndarray, mean: float = 0.0) -> np.ndarray:
-    """Integral (rows + 1, columns + 1) of an evidence image (row 0 at the top) less `mean`, from its lower left corner, y up.
+    """Integral (rows + 1, columns + 1) of an evidence image less `mean`, from its lower left, y up.
 
     With `mean` near the image's own, single precision holds it.
     """
@@ -131,7 +112,7 @@ def integral_image(evidence: np.ndarray, mean: float = 0.0) -> np.ndarray:
 
 @numba.njit(cache=True, inline="always")
 def _up_to(integral, x, y):
-    """The integral up to a position (px from the corner), exact for evidence that is constant over each pixel."""
+    """The integral up to a position (px from the corner), exact for constant pixels."""
     i, j = min(int(x), integral.shape[1] - 2), min(int(y), integral.shape[0] - 2)
     a, b = x - i, y - j
     low = (1 - a) * integral[j, i] + a * integral[j, i + 1]
@@ -141,9 +122,9 @@ def _up_to(integral, x, y):
 
 @numba.njit(cache=True)
 def left_of(integral, mean, x0, y0, x1, y1):
-    """Evidence to the left of a piece of an outline that runs from (x0, y0) to (x1, y1) px, negative where it runs down.
+    """Evidence to the left of a piece of an outline, negative where it runs down.
 
-    Differences of the integral: what lies to the left of both sides of a body cancels exactly, however much that is.
+    Differences of the integral: the evidence to the left of both sides of a body cancels exactly.
     """
     rows, columns = integral.shape[0] - 1.0, integral.shape[1] - 1.0
     x = min(max(0.5 * (x0 + x1) + 0.5, 0.0), columns)
@@ -153,7 +134,7 @@ def left_of(integral, mean, x0, y0, x1, y1):
 
 @numba.njit(cache=True)
 def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
-    """Sum of the evidence inside a closed outline (point, 2), px with y up, counter-clockwise (Green's theorem)."""
+    """Sum of the evidence inside a counter-clockwise outline (point, 2) px, by Green's theorem."""
     total = 0.0
     n = outline.shape[0]
     for k in range(n):

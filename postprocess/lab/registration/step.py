@@ -1,4 +1,4 @@
-"""The step `register`: the finger found in a laboratory's pictures, or what it states of its vectors; registration.json, view.txt."""
+"""The step `register`: find the finger in pictures, or take what is stated of vectors."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fileio.checksum import sha256
 
 from fileio.atomic import write_bytes, write_text
-from fileio.checksum import sha256
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from postprocess.evidence.stage_files import StageFiles
@@ -26,7 +26,7 @@ VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 
 def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
-    """Paths of a comparison and what the laboratory states."""
+    """Paths of a comparison, and its dpiv.toml."""
     stated = read_dpiv(dpiv)
     return LabFiles(StageFiles(case, level), stated.name), stated
 
@@ -34,118 +34,113 @@ def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
 def run_registration(
     files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False
 ) -> Registration:
-    """Register the data and write registration.json and view.txt; `quick`: with fewer samples, and only a refused fit's picture.
+    """Register the data and write registration.json and view.txt.
 
-    What the later steps need and cannot be asked for once the simulation has run is looked for here: the scene's inputs.toml, the
-    FEA's bands, the uncertainty of vectors.
+    `quick`: with fewer samples; nothing is written but a refused fit's picture. Files that only
+    later steps need are checked here, before anything is solved.
     """
-    read_inputs(files.stage.scene_folder / "reference" / "inputs.toml")
+    read_inputs(files.stage.scene_folder)
     kinematics = read_kinematics(path := files.stage.required("kinematics.h5", "kinematics"))
-    check_bend(kinematics, path)
+    _check_bend(kinematics, path)
     fea_band(files, dpiv)
-    stated_delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
     if dpiv.kind == "vectors":
         registration = stated_registration(dpiv, kinematics)
         corners = vectors_view(dpiv, registration.pose)
     else:
         with LabRecording(dpiv) as recording:
-            stated, scale_std = stated_pose(dpiv, recording, kinematics.root)
-            paired, hidden = dpiv.piv.pairing == "1-2,3-4", dpiv.root_hidden_mm * 1e-3
-            length_std = (dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length
-            registration = register(
-                recording,
-                recording.times,
-                kinematics,
-                stated,
-                stated_delay,
-                scale_std=scale_std,
-                paired=paired,
-                hidden=hidden,
-                light_from=dpiv.light_from,
-                length_std=length_std,
-                sweeps=QUICK_SWEEPS if quick else SWEEPS,
-                seed=seed,
-            )
-            refuse_what_does_not_fit(
-                files,
-                check_fit(
-                    recording,
-                    recording.times,
-                    registration,
-                    kinematics,
-                    scale_std=None if scale_std is None else float(np.hypot(scale_std, length_std)),
-                    turn_std=None
-                    if dpiv.axes.turn_std_deg is None
-                    else np.radians(dpiv.axes.turn_std_deg),
-                    paired=paired,
-                    hidden=hidden,
-                    light_from=dpiv.light_from,
-                ),
-                dpiv,
-                keep=quick,
-            )
+            registration = _of_pictures(files, dpiv, recording, kinematics, seed, quick)
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
     if quick:
         return registration
     view = registration.pose.view(*corners, VIEW_MARGIN)
-    write_registration(
-        registration,
-        files.registration,
-        dpiv_sha256=sha256(dpiv.folder / NAME),
-        seed=seed,
-        view=view,
-    )
+    made_of = {"dpiv_sha256": sha256(dpiv.folder / NAME), "seed": seed}
+    write_registration(registration, files.registration, view=view, **made_of)
     text = " ".join(f"{v:.3f}" for v in view) + "\n"
     if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
         write_text(files.view, text)  # the sheets depend on it
     return registration
 
 
-def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv, keep: bool) -> None:
-    """StageError where the fit is refused; the picture that shows where, registration_refused.png, goes with it.
+def _of_pictures(
+    files: LabFiles,
+    dpiv: Dpiv,
+    recording: LabRecording,
+    kinematics: Kinematics,
+    seed: int,
+    quick: bool,
+) -> Registration:
+    stated, scale_std = stated_pose(dpiv, recording, kinematics.root)
+    delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
+    length_std = (dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length
+    known: dict[str, Any] = {
+        "paired": dpiv.piv.pairing == "1-2,3-4",
+        "hidden": dpiv.root_hidden_mm * 1e-3,
+        "light_from": dpiv.light_from,
+    }
+    registration = register(
+        recording,
+        recording.times,
+        kinematics,
+        stated,
+        delay,
+        scale_std=scale_std,
+        length_std=length_std,
+        sweeps=QUICK_SWEEPS if quick else SWEEPS,
+        seed=seed,
+        **known,
+    )
+    both = None if scale_std is None else float(np.hypot(scale_std, length_std))
+    turn = dpiv.axes.turn_std_deg
+    known |= {"scale_std": both, "turn_std": None if turn is None else np.radians(turn)}
+    check = check_fit(recording, recording.times, registration, kinematics, **known)
+    refuse_what_does_not_fit(files, check, dpiv, keep=quick)
+    return registration
 
-    An earlier registration.json is deleted then, unless it is to be kept.
+
+def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv, keep: bool) -> None:
+    """StageError where the fit is refused, with registration_refused.png that shows where.
+
+    An earlier registration.json is deleted then, unless `keep`.
     """
     files.refused.unlink(missing_ok=True)
     if check.refusals:
         if not keep:
             files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
         write_bytes(files.refused, draw_fit(check))
-        reasons = "; also, ".join(check.refusals)
-        raise StageError(
-            f"{dpiv.folder / NAME}: the registration is refused: {reasons}; see {files.refused}"
-        )
+        text = f"the registration is refused: {'; also, '.join(check.refusals)}"
+        raise StageError(f"{dpiv.folder / NAME}: {text}; see {files.refused}")
 
 
-def check_bend(kinematics: Kinematics, path: Path) -> None:
-    """StageError where one bend angle belongs to several shapes: a comparison takes the finger's motion for its bend."""
+def _check_bend(kinematics: Kinematics, path: Path) -> None:
+    """StageError where one bend angle belongs to several shapes."""
     change = np.diff(kinematics.data["shape_bend"].values)
     if not (np.all(change > 0) or np.all(change < 0)):
         raise StageError(
-            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled motion or a rigid body, and a"
-            " recording's bend tells no shape; compare a scene whose motion.source is 'fea' or 'paper_equations'"
+            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled"
+            " motion or a rigid body, so a recording's bend does not tell the shape; compare a"
+            " scene whose motion.source is 'fea' or 'paper_equations'"
         )
 
 
 def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
-    """Whether the bands of the FEA count, and the standard uncertainty of the final bend angle (rad) that they give.
+    """Whether the bands of the FEA count, and the standard uncertainty (rad) of the final bend.
 
-    A motion measured in a recording holds them both. ValueError where they count and are not known.
+    ValueError where they count and are not known.
     """
     path = files.stage.required("kinematics.h5", "kinematics")
     kinematics = read_kinematics(path)
     bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
-    counts = dpiv.finger_geometry == "nominal" and kinematics.data.attrs["source"] != "recording"
+    counts = dpiv.finger_geometry == "nominal"
     if counts and bend_std == 0:
         raise ValueError(
-            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make fea, or state"
-            ' finger_geometry = "measured" in dpiv.toml'
+            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
+            ' fea, or state finger_geometry = "measured" in dpiv.toml'
         )
     return counts, bend_std
 
 
 def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
-    """Of vectors: what dpiv.toml states, with the uncertainties that it states. The picture's unit is the stated metre."""
+    """The registration of vectors as stated; the picture's unit is the stated metre."""
     axes, start = dpiv.axes, dpiv.start
     assert isinstance(start, Start)
     assert axes.root_mm
@@ -156,24 +151,21 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     if axes.y == "down":  # counted from the top of the picture where the vectors are in px
         rows = dpiv.vectors.image_rows if dpiv.vectors else None
         y = -y if rows is None else (rows - 1) * (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3 - y
-    at = (-x if axes.x == "left" else x, y)
-    scale = dpiv.scale.std_percent / 100
-    turn = float(np.radians(axes.turn_std_deg))
-    covariance = np.diag([axes.root_std_mm * 1e-3, axes.root_std_mm * 1e-3, turn, scale]) ** 2
-    pose = Pose(
-        1.0, float(np.radians(axes.turn_deg)), kinematics.root, (float(at[0]), float(at[1]))
-    )
+    at = float(-x if axes.x == "left" else x), float(y)
+    root_std, turn_std = axes.root_std_mm * 1e-3, float(np.radians(axes.turn_std_deg))
+    covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
+    pose = Pose(1.0, float(np.radians(axes.turn_deg)), kinematics.root, at)
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
-    return Registration(
-        pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), pose
-    )
+    none = np.empty(0)
+    return Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose)
 
 
 def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:
-    """What was found, beside what was stated, in the units of a laboratory."""
+    """The values found, and their differences from the stated ones, in a laboratory's units."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
     scale = pose.scale_m_per_px
+    misfit = abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit
     summary = {
         "scale_m_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
@@ -187,9 +179,7 @@ def registration_summary(registration: Registration, kinematics: Kinematics) -> 
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
-        "misfit_deg": float(
-            np.degrees(abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit)
-        ),
+        "misfit_deg": float(np.degrees(misfit)),
     }
     if stated is not None:
         off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3

@@ -28,14 +28,14 @@ def verdict_sentence(q: dict[str, Any]) -> str:
 
 
 def part_of(q: dict[str, Any]) -> str:
-    """The difference in per cent of what it is measured by."""
+    """The difference in per cent of the quantity's scale."""
     return f" ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})" if q["scale"] else ""
 
 
 def relative(q: dict[str, Any]) -> str:
-    """The smallest model error that the verdict finds with 95 %, in per cent of the quantity; a length for a place.
+    """The smallest error that is found with 95 %, in per cent of the quantity; a place's in mm.
 
-    It must be known: `detectable` is None where no error is found.
+    `detectable` must not be None.
     """
     if np.size(q["error"]) > 1 or not q["scale"]:
         return size(q["detectable"], q["unit"])
@@ -44,50 +44,37 @@ def relative(q: dict[str, Any]) -> str:
 
 def rows(result: dict[str, Any]) -> list[dict[str, Any]]:
     """The table of verdicts as text."""
-    out = []
-    for q in result["quantities"]:
-        unit = q["unit"]
-        shown = lambda name, q=q: "–" if q[name] is None else pair(q[name], q["unit"])  # noqa: E731
-        source = next(s for s in q["sources"] if s["name"] == q["dominant"])
-        out.append(
-            {
-                "label": q["label"],
-                **{name: shown(name) for name in ("simulation", "direct", "data", "error")},
-                "measurement": shown("measurement_part"),
-                "explained": shown("explained_by_motion"),
-                "finer": shown("finer"),
-                **{name: size(q[name], unit) for name in ("u_num", "u_input", "u_D", "u_val")},
-                "significance": f"{q['significance']:.2f}",
-                "k": f"{q['k']:.2f}",
-                "verdict": q["verdict"],
-                "detectable": "none"
-                if q["detectable"] is None
-                else f"{size(q['detectable'], unit)} ({relative(q)})",
-                "sentence": verdict_sentence(q),
-                "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
-                "sources": [
-                    (s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]
-                ],
-            }
-        )
-    return out
+    return [_row(q) for q in result["quantities"]]
+
+
+def _row(q: dict[str, Any]) -> dict[str, Any]:
+    unit, found = q["unit"], q["detectable"]
+    source = next(s for s in q["sources"] if s["name"] == q["dominant"])
+    return {
+        "label": q["label"],
+        **{name: pair(q[name], unit) for name in ("simulation", "direct", "data", "error")},
+        "measurement": pair(q["measurement_part"], unit),
+        "explained": pair(q["explained_by_motion"], unit),
+        "finer": pair(q["finer"], unit),
+        **{name: size(q[name], unit) for name in ("u_num", "u_input", "u_D", "u_val")},
+        "significance": f"{q['significance']:.2f}",
+        "k": f"{q['k']:.2f}",
+        "verdict": q["verdict"],
+        "detectable": "none" if found is None else f"{size(found, unit)} ({relative(q)})",
+        "sentence": verdict_sentence(q),
+        "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
+        "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],
+    }
 
 
 def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers of the first screen."""
-    r = result["registration"]
-    out = []
+    r, out = result["registration"], []
     for q in result["quantities"]:
         if q["name"] in ("final_bend", "circulation", "centre", "velocity_field"):
             remark = f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}"
             out.append((size(q["error"], q["unit"]), f"E of the {q['label']}", remark))
-    delay = f"± {1.96 * r['delay_std_ms']:.1f} ms"
-    out.append((f"{r['delay_ms']:.1f}{NBSP}ms", "delay of the recording's clock", delay))
-    out.append(
-        (
-            f"{r['scale_m_per_px'] * 1e3:.4f}",
-            "scale, mm/px",
-            f"± {1.96 * r['scale_std_percent']:.2f} %",
-        )
-    )
-    return out
+    delay, scale = f"{r['delay_ms']:.1f}{NBSP}ms", f"{r['scale_m_per_px'] * 1e3:.4f}"
+    bands = f"± {1.96 * r['delay_std_ms']:.1f} ms", f"± {1.96 * r['scale_std_percent']:.2f} %"
+    out.append((delay, "delay of the recording's clock", bands[0]))
+    return [*out, (scale, "scale, mm/px", bands[1])]

@@ -1,4 +1,4 @@
-"""Laboratory and simulated fields as plane series on one grid and at the same instants: data, virtual experiment, direct."""
+"""Laboratory and simulated fields on one grid and at the same instants."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SEEDING_PICTURES = 4  # pictures from which the seeding is measured
 
 @dataclass(frozen=True)
 class CommonGrid:
-    """`data`, `virtual` (None where there is none) and `direct`: plane series in the camera frame, same axes and times."""
+    """Plane series in the camera frame with the same axes and times; `virtual` may be None."""
 
     data: xr.Dataset
     virtual: xr.Dataset | None
@@ -44,65 +44,65 @@ class CommonGrid:
 
 
 def on_common_grid(
-    files: LabFiles,
-    dpiv: Dpiv,
-    kinematics: Kinematics,
-    registration: Registration,
-    *,
-    seed: int,
-    threads: int,
-    quiet: bool,
+    files: LabFiles, dpiv: Dpiv, kinematics: Kinematics, registration: Registration, **options: Any
 ) -> CommonGrid:
-    """Evaluate the laboratory's data and the simulation alike; writes data.h5, virtual.h5 and direct.h5."""
+    """Evaluate both sides alike; writes data.h5, virtual.h5 and direct.h5.
+
+    `options`: seed, threads and quiet.
+    """
     if not files.sheet.exists():
         raise FileNotFoundError(
-            f"{files.sheet} is missing; make compare writes it: python -m pipeline sheet CASE --view $(cat {files.view}) -o {files.sheet}"
+            f"{files.sheet} is missing; make compare writes it: python -m pipeline sheet CASE"
+            f" --view $(cat {files.view}) -o {files.sheet}"
         )
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
-    data, virtual, picture, seen = make(
-        files, dpiv, kinematics, registration, sheet, seed, threads, quiet
-    )
-    pose, times = registration.pose, data["time"].values
-    direct = camera_series(sheet, pose, data["x"].values, data["y"].values, times)
+    data, virtual, picture, seen = make(files, dpiv, kinematics, registration, sheet, options)
+    x, y, times = (data[name].values for name in ("x", "y", "time"))
+    direct = camera_series(sheet, registration.pose, x, y, times)
     written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
     for name, source, plane in written:
         if plane is not None:
             write_plane(plane, files.side(name), source=source)
-    return CommonGrid(data, virtual, direct, picture, seen)
+    return CommonGrid(data, virtual, direct, picture, {} if seen is None else asdict(seen))
 
 
-def used_frames(
+def _used_frames(
     dpiv: Dpiv, times: np.ndarray, delay: float, span: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frames whose instants the simulation covers, whole pairs only: indices and times (s of the simulation)."""
+    """Frames that the simulation covers, whole pairs only: indices and times (s of it)."""
     at = times - delay
     ok = (at >= span[0] - 1e-9) & (at <= span[1] + 1e-9)
     if dpiv.piv.pairing == "1-2,3-4":
         ok = ok[: ok.size // 2 * 2]
         ok = np.repeat(ok[::2] & ok[1::2], 2)
+    index = _enough(ok, at, span)
+    return index, np.clip(at[index], *span)
+
+
+def _enough(ok: np.ndarray, at: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    """Indices of the instants that are `ok`; ValueError where there are fewer than four."""
     index = np.flatnonzero(ok)
     if index.size < 4:
         raise ValueError(
-            f"the recording covers {at[0]:.3f}…{at[-1]:.3f} s of the simulation's clock, the simulation {span[0]:.3f}…{span[1]:.3f} s:"
-            " they share fewer than four frames; check start in dpiv.toml"
+            f"the data cover {at[0]:.3f}…{at[-1]:.3f} s of the simulation's clock, the simulation"
+            f" {span[0]:.3f}…{span[1]:.3f} s: they share fewer than four instants; check start in"
+            " dpiv.toml"
         )
-    return index, np.clip(at[index], *span)
+    return index
 
 
 def with_finger(
     plane: xr.Dataset, kinematics: Kinematics, pose: Pose, pressures: np.ndarray
 ) -> xr.Dataset:
-    """A plane series in the camera frame with the finger's shape at each instant's pressure (Pa)."""
-    shapes = {
-        name: np.array([kinematics.fingers(name, p) for p in pressures])
-        for name in kinematics.splines
-    }
-    finger = {name: in_camera(name, values, pose) for name, values in shapes.items()}
-    grids = {
-        str(n): plane[n].values for n in plane.data_vars if plane[n].dims == ("time", "y", "x")
-    }
+    """A plane series in the camera frame with the finger's shape at each pressure (Pa)."""
+    finger = {}
+    for name in kinematics.splines:
+        shapes = np.array([kinematics.fingers(name, p) for p in pressures])
+        finger[name] = in_camera(name, shapes, pose)
+    names = (n for n in plane.data_vars if plane[n].dims == ("time", "y", "x"))
+    grids = {str(n): plane[n].values for n in names}
     x, y, time = (plane[name].values for name in ("x", "y", "time"))
     out = make_plane(x, y, time=time, **grids, **finger)
     return out.assign_attrs(plane.attrs | {"tip_width": kinematics.tip_width})
@@ -113,17 +113,16 @@ def outlines_px(kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> li
     return [pose.to_px(kinematics.fingers("outline", p)) for p in pressures]
 
 
-def _of_pictures(files, dpiv, kinematics, registration, sheet, seed, threads, quiet):
+def _of_pictures(files, dpiv, kinematics, registration, sheet, options):
     law, pose = registration.law, registration.pose
+    speed = {name: options[name] for name in ("threads", "quiet")}
     with LabRecording(dpiv) as recording:
         span = float(sheet["time"][0]), float(sheet["time"][-1])
-        index, times = used_frames(dpiv, recording.times, law.delay, span)
+        index, times = _used_frames(dpiv, recording.times, law.delay, span)
         theirs = law_pressure(kinematics, times + law.delay, law.values)
         shapes = outlines_px(kinematics, pose, theirs)
         output = files.folder / "data_piv.h5"
-        piv = evaluate(
-            recording, index, times, shapes, pose, dpiv.piv, output, threads=threads, quiet=quiet
-        )
+        piv = evaluate(recording, index, times, shapes, pose, dpiv.piv, output, **speed)
         pressures = law_pressure(kinematics, piv["time"].values + law.delay, law.values)
         data = with_finger(piv, kinematics, pose, pressures)
         chosen = thinned(np.arange(index.size), SEEDING_PICTURES)
@@ -132,22 +131,20 @@ def _of_pictures(files, dpiv, kinematics, registration, sheet, seed, threads, qu
         seen = appearance_of(images, masks)
         rows, columns = recording.shape
         camera = _camera(columns, rows, recording.bits, seen, dpiv.frame_rate_hz)
-        ours = kinematics.law(times)
-        virtual = virtual_experiment(
-            sheet, pose, camera, seeding_like(seen, recording.bits, dpiv.sheet_thickness_mm * 1e-3), times,
-            outlines_px(kinematics, pose, ours), dpiv.piv, files.folder, seed=seed, threads=threads, quiet=quiet,
-        )  # fmt: skip
+        seeding = seeding_like(seen, recording.bits, dpiv.sheet_thickness_mm * 1e-3)
+        ours = outlines_px(kinematics, pose, kinematics.law(times))
+        at = pose, camera, seeding, times, ours, dpiv.piv, files.folder
+        virtual = virtual_experiment(sheet, *at, **options)
         virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         middle = recording.frame(int(index[index.size // 2]))
-    return data, virtual, middle, asdict(seen)
+    return data, virtual, middle, seen
 
 
 def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearance:
     """Seeding and noise of pictures in which the body is masked."""
     evidence = learn(images, masks)
-    core = np.concatenate(
-        [image[shrunk(mask, CORE_PX)] for image, mask in zip(images, masks, strict=True)]
-    ).astype(float)
+    cores = (i[shrunk(mask, CORE_PX)] for i, mask in zip(images, masks, strict=True))
+    core = np.concatenate(list(cores)).astype(float)
     middle = core[np.abs(core - evidence.body_level) < 5 * evidence.body_std]
     return measure_appearance(images, masks, float(middle.mean()), float(middle.std()))
 
@@ -157,57 +154,41 @@ def _camera(columns: int, rows: int, bits: int, seen: Appearance, rate: float) -
     return Camera(columns, rows, frame_rate_hz=rate, bits=bits, electrons_per_level=0.0, **noise)
 
 
-def _of_vectors(files, dpiv, kinematics, registration, sheet, seed, threads, quiet):
+def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
     plane = lab_vectors(dpiv)
     pose, delay = registration.pose, registration.law.delay
     times = plane["time"].values - delay
     span = float(sheet["time"][0]), float(sheet["time"][-1])
     margin = 0.5 * dpiv.interval
-    keep = np.flatnonzero((times >= span[0] + margin) & (times <= span[1] - margin))
-    if keep.size < 4:
-        raise ValueError(
-            f"the vectors cover {times[0]:.3f}…{times[-1]:.3f} s of the simulation's clock, the simulation"
-            f" {span[0]:.3f}…{span[1]:.3f} s: they share fewer than four instants; check start in dpiv.toml"
-        )
-    plane, times = plane.isel(time=keep), times[keep]
+    keep = _enough((times >= span[0] + margin) & (times <= span[1] - margin), times, span)
+    plane, times, scale = plane.isel(time=keep), times[keep], pose.scale_m_per_px
     # the vectors' metres are the stated ones: the pose holds what is known of the true scale
-    plane = plane.assign_coords(
-        x=plane["x"] * pose.scale_m_per_px, y=plane["y"] * pose.scale_m_per_px, time=times
-    )
-    plane = plane.assign(
-        {n: plane[n] * pose.scale_m_per_px for n in ("u", "v", "u_std", "v_std") if n in plane}
-    )
-    data = with_finger(plane, kinematics, pose, kinematics.law(times))
+    plane = plane.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale, time=times)
+    velocities = (n for n in ("u", "v", "u_std", "v_std") if n in plane)
+    plane = plane.assign({n: plane[n] * scale for n in velocities})
+    pressures = kinematics.law(times)
+    data = with_finger(plane, kinematics, pose, pressures)
     if not isinstance(dpiv.camera, LabCamera):
-        return data, None, None, {}
+        return data, None, None, None
     c = dpiv.camera
     seen = Appearance(c.density_ppp, c.diameter_px, c.peak, c.background, c.read_noise)
-    pairs = np.column_stack([times - dpiv.interval / 2, times + dpiv.interval / 2]).ravel()
+    pairs = np.column_stack([times - margin, times + margin]).ravel()
     camera_pose, corner = camera_before(data, pose, c)
+    camera = _camera(c.columns, c.rows, c.bits, seen, 1 / dpiv.interval)
+    seeding = seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3)
+    ours = outlines_px(kinematics, camera_pose, kinematics.law(pairs))
     alike = {"pairing": "1-2,3-4", "smoothing": dpiv.piv.smoothing is True}
-    virtual = virtual_experiment(
-        sheet, camera_pose, _camera(c.columns, c.rows, c.bits, seen, 1 / dpiv.interval),
-        seeding_like(seen, c.bits, dpiv.sheet_thickness_mm * 1e-3), pairs, outlines_px(kinematics, camera_pose, kinematics.law(pairs)),
-        dpiv.piv.model_copy(update=alike), files.folder, seed=seed, threads=threads, quiet=quiet,
-    )  # fmt: skip
+    at = camera_pose, camera, seeding, pairs, ours, dpiv.piv.model_copy(update=alike), files.folder
+    virtual = virtual_experiment(sheet, *at, **options)
     virtual = virtual.assign_coords(x=virtual["x"] + corner[0], y=virtual["y"] + corner[1])
-    velocity, whole = on_grid(virtual, data["x"].values, data["y"].values)
+    x, y = data["x"].values, data["y"].values
+    velocity, whole = on_grid(virtual, x, y)
     more = {}
     for name in ("u_std", "v_std", "valid"):
         filled = virtual.assign(u=virtual[name], v=virtual[name])
-        more[name] = np.where(
-            whole, on_grid(filled, data["x"].values, data["y"].values)[0][:, 0], np.nan
-        )
+        more[name] = np.where(whole, on_grid(filled, x, y)[0][:, 0], np.nan)
     sure = more.pop("valid") > 1 - ROUNDING
     more["flag"] = np.where(sure, VALID, np.where(whole, UNCERTAIN, OUTLIER)).astype(np.uint8)
-    velocity = np.where(whole[:, None], velocity, np.nan)
-    virtual = make_plane(
-        data["x"].values,
-        data["y"].values,
-        velocity[:, 0],
-        velocity[:, 1],
-        time=times,
-        valid=sure,
-        **more,
-    )
-    return data, with_finger(virtual, kinematics, pose, kinematics.law(times)), None, asdict(seen)
+    u, v = np.moveaxis(np.where(whole[:, None], velocity, np.nan), 1, 0)
+    virtual = make_plane(x, y, u, v, time=times, valid=sure, **more)
+    return data, with_finger(virtual, kinematics, pose, pressures), None, seen

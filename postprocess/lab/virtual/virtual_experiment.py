@@ -1,9 +1,10 @@
-"""The same evaluation for both sides: PIV of the laboratory's pictures, and of pictures of the simulation taken alike."""
+"""The same PIV of a laboratory's pictures and of virtual pictures of the simulation."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,16 +21,22 @@ from postprocess.lab.data.dpiv_toml import Evaluation
 from postprocess.lab.data.pictures import MaskedRecording
 from postprocess.lab.data.pose import Pose, camera_series
 
-RENDER_MARGIN = (
-    0.004  # m beyond the picture, so that particles that enter it have come from somewhere
-)
+RENDER_MARGIN = 0.004  # m beyond the picture, from where particles enter it
 
 
 def evaluate(
-    recording: Recording, indices: np.ndarray, times: np.ndarray, outlines: list[np.ndarray], pose: Pose,
-    piv: Evaluation, output: Path, *, threads: int = 1, quiet: bool = True,
-) -> xr.Dataset:  # fmt: skip
-    """PIV of some frames (at `times`, s) with the finger's outlines (px) masked: a plane series in the camera frame."""
+    recording: Recording,
+    indices: np.ndarray,
+    times: np.ndarray,
+    outlines: list[np.ndarray],
+    pose: Pose,
+    piv: Evaluation,
+    output: Path,
+    *,
+    threads: int = 1,
+    quiet: bool = True,
+) -> xr.Dataset:
+    """PIV of some frames (at `times`, s) masked by the finger's outlines (px), camera frame."""
     assert piv.pairing is not None  # the schema's own check
     frames = MaskedRecording(recording, indices, times, outlines, pose.scale_m_per_px)
     options = Options(
@@ -38,9 +45,8 @@ def evaluate(
         preset=piv.preset,
         smoothing=piv.smoothing is not False,
     )
-    sequence = SequenceOptions(
-        piv.pairing or "1-2,2-3", 0, piv.every, preprocess=piv.preprocess, threads=threads
-    )
+    how: dict[str, Any] = {"preprocess": piv.preprocess, "threads": threads}
+    sequence = SequenceOptions(piv.pairing, 0, piv.every, **how)
     output.with_name(output.name + ".part").unlink(missing_ok=True)  # of other outlines, perhaps
     correlate_recording(frames, output, options, sequence, quiet=quiet)
     with read_plane(output) as plane:
@@ -48,13 +54,19 @@ def evaluate(
 
 
 def virtual_recording(
-    sheet: xr.Dataset, pose: Pose, camera: Camera, seeding: Seeding, times: np.ndarray, path: Path, *,
-    paired: bool = False, seed: int = 1,
-) -> Path:  # fmt: skip
+    sheet: xr.Dataset,
+    pose: Pose,
+    camera: Camera,
+    seeding: Seeding,
+    times: np.ndarray,
+    path: Path,
+    *,
+    paired: bool = False,
+    seed: int = 1,
+) -> Path:
     """Pictures of the simulation through the laboratory's camera at `times` (s of the simulation).
 
-    `paired`: frames 1-2, 3-4 … belong together and each pair is seeded anew; else particles stay from frame to frame, which
-    must be evenly spaced.
+    `paired`: each pair of frames 1-2, 3-4 … is seeded anew; else frames are evenly spaced.
     """
     step = float(sheet["x"][1] - sheet["x"][0])
     scale = pose.scale_m_per_px
@@ -68,9 +80,8 @@ def virtual_recording(
     parts = times.reshape(-1, 2) if paired else [times]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.with_name(path.name + ".part").unlink(missing_ok=True)  # of another sheet, perhaps
-    with RecordingWriter(
-        path, (camera.height_px, camera.width_px), dtype, times.size, attrs, times=times
-    ) as writer:
+    shape = camera.height_px, camera.width_px
+    with RecordingWriter(path, shape, dtype, times.size, attrs, times=times) as writer:
         number = 0
         for k, part in enumerate(parts):
             series = camera_series(sheet, pose, x, y, part)
@@ -83,14 +94,24 @@ def virtual_recording(
 
 
 def virtual_experiment(
-    sheet: xr.Dataset, pose: Pose, camera: Camera, seeding: Seeding, times: np.ndarray, outlines: list[np.ndarray],
-    piv: Evaluation, folder: Path, *, seed: int = 1, threads: int = 1, quiet: bool = True,
-) -> xr.Dataset:  # fmt: skip
-    """PIV of the simulation, taken with the laboratory's camera, seeding and settings: a plane series in the camera frame."""
+    sheet: xr.Dataset,
+    pose: Pose,
+    camera: Camera,
+    seeding: Seeding,
+    times: np.ndarray,
+    outlines: list[np.ndarray],
+    piv: Evaluation,
+    folder: Path,
+    *,
+    seed: int = 1,
+    **speed: Any,
+) -> xr.Dataset:
+    """PIV of the simulation with the laboratory's camera, seeding and settings, camera frame.
+
+    `speed`: threads and quiet of `evaluate`.
+    """
     path, paired = folder / "virtual_recording.h5", piv.pairing == "1-2,3-4"
     virtual_recording(sheet, pose, camera, seeding, times, path, paired=paired, seed=seed)
     with open_recording(str(path)) as recording:
         every, output = np.arange(times.size), folder / "virtual_piv.h5"
-        return evaluate(
-            recording, every, times, outlines, pose, piv, output, threads=threads, quiet=quiet
-        )
+        return evaluate(recording, every, times, outlines, pose, piv, output, **speed)

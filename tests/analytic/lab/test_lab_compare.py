@@ -1,4 +1,4 @@
-"""Both sides through the same virtual experiment: equal waters agree, a stronger vortex is a model error of the right size."""
+"""Equal flows agree through the same virtual experiment; a stronger vortex is a model error."""
 
 from dataclasses import replace
 
@@ -139,7 +139,7 @@ def test_stronger_vortex_is_a_model_error_of_its_size(compared):
 
 
 def test_what_a_finer_run_changes_is_no_model_error(compared):
-    """The same recording and simulation, but a run of finer numerics has the vortex of the recording: S is that run's."""
+    """A run of finer numerics has the vortex of the recording: S is that run's."""
     coarse, finer = by_name(compared[1.25]), by_name(compared["finer"])
     for name in ("circulation", "velocity_field"):
         assert coarse[name]["verdict"] == ERROR

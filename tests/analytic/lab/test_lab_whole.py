@@ -1,4 +1,4 @@
-"""The comparison from dpiv.toml to the page: vectors of every kind, and a recording, of a flow that is known."""
+"""The comparison from dpiv.toml to the page: vectors of every kind, and a recording."""
 
 import json
 import shutil
@@ -9,17 +9,14 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.plane_series import write_plane
-from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.files import LabFiles
 from postprocess.lab.data.pose import Pose, camera_series
 from postprocess.lab.judgement.compare import run_comparison
-from postprocess.lab.judgement.recorded_motion import run_motion
 from postprocess.lab.registration.step import run_registration
 from postprocess.lab.report.report import make_report
 from postprocess.lab.virtual.virtual_laboratory import make_recording, write_dpiv
-from tests.conftest import motion_of
 from tests.lab_exports import KINDS, exported
 from tests.lab_scene import CASE, finger_kinematics, set_up, vortex_series
 
@@ -30,7 +27,7 @@ SPACING = 2e-3
 
 @pytest.fixture(scope="module")
 def finger(tmp_path_factory):
-    """A scene with what its stages leave: the kinematics, and a simulation whose flow is an analytic vortex."""
+    """A scene's files, its kinematics, and a simulation whose flow is an analytic vortex."""
     case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
     out = case / "out" / "smoke"
     for folder in (case / "reference", out / "settings", out / "run"):
@@ -47,8 +44,10 @@ def finger(tmp_path_factory):
 
 
 def measured_by(kinematics, gain: float, corner: tuple[float, float]):
-    """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm) in their axes, whose lower left
-    vector is at `corner` (m)."""
+    """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm).
+
+    In axes whose lower left vector is at `corner` (m).
+    """
     pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
     water = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
@@ -75,7 +74,7 @@ def judged(finger, folder, **options):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
-    """From wherever their files count: here the root is in the middle of the axes where a file may be in metres."""
+    """From wherever their files count: in metres the root is in the middle of the axes."""
     corner = (
         (SPACING, SPACING)
         if "p" in KINDS[kind][2] or "px" in kind or "pivlab" in kind
@@ -94,7 +93,7 @@ def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
 
 
 def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(finger, tmp_path):
-    """As of a coupled motion, which overshoots: a bend angle then belongs to several shapes."""
+    """As of a coupled motion, which overshoots: a bend angle belongs to several shapes."""
     case = tmp_path / "cases" / "finger"
     shutil.copytree(finger[0].scene_folder, case)
     path = case / "out" / "smoke" / "kinematics.h5"
@@ -119,12 +118,15 @@ def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
 
 
 def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
-    """Vectors whose files count from the middle of the picture: all that the data hold is seen by the virtual experiment."""
+    """Vectors whose files count from the middle of the picture."""
     plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
     plane = plane.isel(time=slice(8, 16)).assign_coords(time=np.arange(8) / 100.0)
     folder = exported(plane, "microvec", tmp_path / "seen", root)
     text = (folder / "dpiv.toml").read_text()
-    camera = "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0, read_noise = 2.0, peak = 150.0, scale_mm_per_px = 0.25 }"
+    camera = (
+        "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0,"
+        " read_noise = 2.0, peak = 150.0, scale_mm_per_px = 0.25 }"
+    )
     text = text.replace('camera = "none"', f"camera = {camera}").replace(
         "at_s = 0.05", "at_s = 0.13"
     )
@@ -139,25 +141,19 @@ def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
     result = run_comparison(lab, dpiv)
     quantities = {q["name"]: q for q in result["quantities"]}
     assert quantities["velocity_field"]["verdict"] != "model error"
-    # 0.04 %; 10 % where the virtual experiment smooths and the data, another program's vectors, are not smoothed
+    # 0.04 %; 10 % where only the virtual experiment smooths
     assert abs(quantities["circulation"]["error"][0]) < 0.03 * abs(
         quantities["circulation"]["data"][0]
     )
 
 
-@pytest.fixture(scope="module")
-def recorded(finger, tmp_path_factory):
-    """A recording with errors of set-up, compared."""
+def test_recording_is_compared(finger, tmp_path):
+    """A recording with errors of set-up."""
     _, kinematics, sheet = finger
-    folder = tmp_path_factory.mktemp("recorded")
     lab = set_up(kinematics, start=0.007)
-    make_recording(sheet, lab, kinematics.root, folder, 50.0)
-    write_dpiv(lab, kinematics.root, folder, "finger", 24, 8, 50.0, 1)
-    return judged(finger, folder), read_dpiv(folder)
-
-
-def test_recording_is_compared(recorded):
-    (lab, result), _ = recorded
+    make_recording(sheet, lab, kinematics.root, tmp_path, 50.0)
+    write_dpiv(lab, kinematics.root, tmp_path, "finger", 50.0)
+    lab, result = judged(finger, tmp_path)
     assert result["verdict"] == "agrees", result["wrong"]
     quantities = {q["name"]: q for q in result["quantities"]}
     assert quantities["final_bend"]["verdict"] == "agrees"
@@ -166,15 +162,5 @@ def test_recording_is_compared(recorded):
     first = page[page.index('id="answer"') : page.index("</header>")]
     assert "Motion: yes. Flow: yes." in first
     assert "Not in u_val" not in first  # no runs are asked for here
-    assert {"budgets.pdf", "budgets.svg", "paths.pdf", "series.svg"} <= {
-        p.name for p in (lab.folder / "figures").iterdir()
-    }
-
-
-def test_motion_of_the_recording_drives_a_scene(recorded, finger):
-    (lab, _), dpiv = recorded
-    folder = run_motion(lab, dpiv)
-    driven, kinematics = motion_of(load_scene(folder, "smoke")), finger[1]
-    at = np.linspace(0.05, 0.38, 12)
-    moved = np.array([driven.shapes.bend(p) for p in driven.law(at)])
-    assert np.abs(np.degrees(moved - kinematics.bend(kinematics.law(at)))).max() < 3.0
+    figures = {p.name for p in (lab.folder / "figures").iterdir()}
+    assert {"motion.pdf", "motion.svg", "picture.png", "series.svg"} <= figures

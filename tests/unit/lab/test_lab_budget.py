@@ -1,4 +1,4 @@
-"""V&V 20: verdicts, shares and the velocity field's limit against cases that can be worked out by hand."""
+"""V&V 20: verdicts, shares and the velocity field's limit against cases worked out by hand."""
 
 import numpy as np
 import pytest
@@ -39,13 +39,16 @@ def test_sources_add_in_squares_and_the_largest_is_named():
     assert q.measurement_part[0] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("error, std, word", [(1.5, 0.8, AGREES), (1.6, 0.8, ERROR), (1.0, 0.9, UNCERTAIN), (9.0, 2.0, ERROR)])  # fmt: skip
+@pytest.mark.parametrize(
+    "error, std, word",
+    [(1.5, 0.8, AGREES), (1.6, 0.8, ERROR), (1.0, 0.9, UNCERTAIN), (9.0, 2.0, ERROR)],
+)
 def test_verdict_is_that_of_the_band(error, std, word):
     assert quantity(error, std).verdict(too_uncertain=0.3) == word
 
 
 def test_a_model_error_of_the_detectable_size_is_found_as_often_as_it_says():
-    """3.605 of u_val for one quantity: 1.96 and the 1.645 that let it fall below in 5 % (Gaussian); drawn for two."""
+    """3.605 of u_val for one quantity (Gaussian); drawn for two."""
     assert detectable_factor(1) == pytest.approx(1.95996 + 1.64485, abs=1e-3)
     rng = np.random.default_rng(4)
     size = detectable_factor(2, joint_level(7))
@@ -70,7 +73,7 @@ def test_a_share_of_the_error_raises_no_false_alarm_and_grows_with_the_error_to_
 
 
 def test_a_share_beyond_the_limit_lets_no_error_be_found_for_sure():
-    """What is measured of an error is 1 ± 0.61 of it: in 5 % nothing is left, at 1.645 standard uncertainties."""
+    """1 ± 0.61 of an error is measured: in 5 % nothing is left, at 1.645 standard uncertainties."""
     assert unlike(0.0, 0.61).detectable(joint_level(7)) == np.inf
     assert unlike(0.0, 0.61).verdict(0.3, joint_level(7)) == UNCERTAIN
     assert unlike(1e3, 0.61).verdict(0.3, joint_level(7)) == ERROR

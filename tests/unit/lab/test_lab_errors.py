@@ -1,4 +1,4 @@
-"""Errors of registration and of vectors as they reach a quantity: against differences worked out by hand."""
+"""Errors of registration and vectors in a quantity, against differences worked out by hand."""
 
 import numpy as np
 import pandas as pd
@@ -7,7 +7,6 @@ import pytest
 from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.uncertainty_sources import (
-    at_instant,
     common_rows,
     excess_scatter,
     independent_instants,
@@ -16,7 +15,6 @@ from postprocess.lab.judgement.uncertainty_sources import (
     means,
     place_jacobian,
 )
-from postprocess.lab.judgement.validation import Source
 from postprocess.lab.registration.fit_outline import moved
 from postprocess.lab.registration.register import with_length
 
@@ -39,7 +37,7 @@ def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
     """Root and tip found to a third of a pixel each: half-way their errors average."""
     pose, length = Pose(1 / 4000.0, 0.0, (0.0, 0.245), (310.0, 460.0)), 0.07
     std, px = 1 / 3, length * 4000.0
-    # the root at `at`, the tip px below it: (root, tip) → (y, ln scale) with scale = (root − tip)/px
+    # the tip is px below the root: (root, tip) → (y, ln scale) with scale = (root − tip)/px
     ends = np.array([[1.0, 0.0], [1 / px, -1 / px]])
     covariance = np.zeros((4, 4))
     covariance[np.ix_([1, 3], [1, 3])] = std**2 * ends @ ends.T
@@ -55,28 +53,17 @@ def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
     [(0.0, 25), (0.25, 5 + 8 * 0.75 + 6 * 0.5 + 4 * 0.25), (0.5, 5 + 8 * 0.5), (2.0, 5)],
 )
 def test_instants_are_independent_once_the_particles_have_left_the_window(crossed, pairs):
-    """Five instants, between which a particle crosses a part of the window: 25 over the sum of their correlations."""
+    """Five instants: 25 over the sum of their correlations."""
     speed, window = 0.2, 6e-3
     times = np.arange(5) * crossed * window / speed
     assert independent_instants(times, speed, window) == pytest.approx(25 / pairs)
-
-
-def test_an_instant_is_known_less_well_than_the_mean():
-    sources = [
-        Source("grid", "numerical", np.array([3.0]), ""), Source("pressure", "input", np.array([4.0]), ""),
-        Source("vectors", "data", np.array([1.0]), ""), Source("virtual vectors", "data", np.array([1.0]), ""),
-        Source("time", "data", np.array([5.0]), ""),
-    ]  # fmt: skip
-    std = at_instant(sources, {"data": np.array([12.0]), "simulation": np.array([0.0])})
-    assert std["data"][0] == pytest.approx(13.0)
-    assert std["simulation"][0] == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
     "scale_std, length_std, scale, std",
     [
         (0.01, 0.0, 1.003, 0.001),  # the finger is as long as it should be: it tells the scale
-        (0.003, 0.003, 1.0015, np.sqrt(0.0015**2 * 2 + 0.0005**2)),  # half of what it says is the scale's, half its own
+        (0.003, 0.003, 1.0015, np.sqrt(0.0015**2 * 2 + 0.0005**2)),  # half of it each
         (0.0003, 0.003, 1.00003, 0.0003),  # a good calibration is not moved by the finger
         (None, 0.003, 1.003, np.hypot(0.001, 0.003)),  # nothing but the finger
     ],
@@ -126,7 +113,7 @@ def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
 
 
 def test_a_mean_of_differences_is_as_uncertain_as_they_scatter():
-    """The line's middle value over many draws scatters by what each of them says on average; a line by itself is no scatter."""
+    """The middle of the line scatters over many draws by what each of them states."""
     rng, times, window = np.random.default_rng(8), np.linspace(0.1, 0.2, 6), (0.1, 0.2)
     said, middle = [], []
     for _ in range(1500):

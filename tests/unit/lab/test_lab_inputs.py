@@ -1,54 +1,47 @@
-"""reference/inputs.toml and the scenes of the runs beside the nominal one."""
+"""reference/inputs.toml and the rows of the runs beside the nominal one."""
 
-import json
-from operator import attrgetter
-
-import h5py
 import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from fileio.formats.recorded_motion import write_recorded_motion
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
 from pipeline.stage_settings import settings_of
 from postprocess.evidence.stage_files import StageFiles
+from postprocess.lab.__main__ import main
 from postprocess.lab.data.inputs_toml import (
     Input,
     Inputs,
     Numerics,
+    input_rows,
     read_inputs,
-    write_runs,
-    write_virtual,
+    virtual_row,
+    write_scene,
 )
-from postprocess.lab.registration.profile import motion_values, strip_at_rest
-from tests.conftest import motion_of
-from tests.lab_scene import CASE, finger_kinematics
+from tests.lab_scene import CASE
 
 
 @pytest.fixture
 def case(tmp_path):
-    """A scene that extends single_finger, with what its first stages record."""
+    """A scene that extends single_finger, and its numbers as the first stages record them."""
     folder = tmp_path / "cases" / "finger"
-    (folder / "reference").mkdir(parents=True)
+    folder.mkdir(parents=True)
     (folder / "scene.toml").write_text(f'extends = "{CASE}"\n')
-    scene = load_scene(folder, "smoke")
-    scene.out.mkdir(parents=True)
-    for name, stages in (
-        ("kinematics.h5", ["kinematics"]),
-        ("planform.h5", ["mesh"]),
-        ("sweep.h5", ["case"]),
-    ):
-        with h5py.File(scene.out / name, "w") as file:
-            file.attrs["settings"] = json.dumps(settings_of(scene, stages[0]))
-    return folder
+    scene, numbers = load_scene(folder, "smoke"), {}
+    for stage in ("kinematics", "mesh", "case"):
+        numbers |= settings_of(scene, stage)
+    return folder, numbers
+
+
+def runs(case, inputs):
+    """Scenes of the runs beside the nominal one, by name."""
+    files = StageFiles(case[0], "smoke")
+    rows = input_rows(case[1], inputs)
+    return {name: load_scene(write_scene(files, f"inputs/{name}", o), "smoke") for name, o in rows}
 
 
 def test_each_run_changes_one_number(case):
-    inputs = read_inputs(CASE / "reference" / "inputs.toml")
-    nominal = load_scene(case, "smoke")
-    folders = write_runs(StageFiles(case, "smoke"), inputs)
-    changed = {folder.name: load_scene(folder, "smoke") for folder in folders}
+    nominal, changed = load_scene(case[0], "smoke"), runs(case, read_inputs(CASE))
     assert changed["pressure"].motion.strokes[0].pressure_kpa == pytest.approx(21.0)
     assert changed["duration"].motion.strokes[0].duration == pytest.approx(0.44)
     assert changed["time_step"].numerics.time_step == pytest.approx(nominal.numerics.time_step / 2)
@@ -66,39 +59,42 @@ def asked(key: str, step: float = 0.001) -> Inputs:
 
 
 @pytest.mark.parametrize("key, step", [("finger.tip.length", 0.001), ("mesh.tip_cell", 0.0001)])
-def test_a_number_beside_one_that_is_not_given_or_of_a_level_is_changed_too(case, key, step):
-    """finger.tip.thickness has no value in TOML; mesh.tip_cell is given by the level."""
-    nominal = load_scene(case, "smoke")
-    [folder] = write_runs(StageFiles(case, "smoke"), asked(key, step))
-    run = load_scene(folder, "smoke")
-    where, name = key.rsplit(".", 1)
-    value, before = (getattr(attrgetter(where)(scene), name) for scene in (run, nominal))
-    assert value == pytest.approx(before + step)
+def test_a_number_of_a_table_or_of_a_level_is_changed(case, key, step):
+    """finger.tip.thickness has no value in TOML; mesh.tip_cell is set by the level."""
+    value = case[1]
+    for name in key.split("."):
+        value = value[name]
+    assert input_rows(case[1], asked(key, step)) == [("one", {key: value + step})]
+    run = runs(case, asked(key, step))["one"]
+    for name in key.split("."):
+        run = getattr(run, name)
+    assert run == pytest.approx(value + step)
 
 
 @pytest.mark.parametrize(
     "key", ["nothing.at.all", "motion", "motion.strokes.first", "motion.source", "motion.states"]
 )
-def test_what_is_no_number_of_the_scene_is_said(case, key):
+def test_a_key_that_is_no_number_of_the_scene_is_refused(case, key):
     with pytest.raises(ValueError, match="the scene has no number"):
-        write_runs(StageFiles(case, "smoke"), asked(key))
+        input_rows(case[1], asked(key))
 
 
-def test_scenes_that_did_not_change_are_left_alone(case):
-    inputs = read_inputs(CASE / "reference" / "inputs.toml")
-    first = [folder / "scene.toml" for folder in write_runs(StageFiles(case, "smoke"), inputs)]
-    before = [path.stat().st_mtime_ns for path in first]
-    write_runs(StageFiles(case, "smoke"), inputs)
-    assert [path.stat().st_mtime_ns for path in first] == before
+def test_a_scene_that_did_not_change_is_left_alone(case):
+    files = StageFiles(case[0], "smoke")
+    path = write_scene(files, "inputs/one", {"mesh.tip_cell": 1e-3}) / "scene.toml"
+    before = path.stat().st_mtime_ns
+    write_scene(files, "inputs/one", {"mesh.tip_cell": 1e-3})
+    assert path.stat().st_mtime_ns == before
 
 
 def test_virtual_laboratory_has_its_own_pressure(case):
-    folder = write_virtual(StageFiles(case, "smoke"), 21.0)
+    name, overrides = virtual_row(case[1], 21.0)
+    folder = write_scene(StageFiles(case[0], "smoke"), f"virtual/{name}", overrides)
     assert load_scene(folder, "smoke").motion.strokes[-1].pressure_kpa == 21.0
 
 
 def test_standard_uncertainties():
-    inputs = read_inputs(CASE / "reference" / "inputs.toml")
+    inputs = read_inputs(CASE)
     pressure = inputs.input[0]
     assert pressure.std == pytest.approx(0.2 / np.sqrt(3))
     grid = next(n for n in inputs.numerics if n.name == "grid")
@@ -107,7 +103,7 @@ def test_standard_uncertainties():
 
 @pytest.mark.parametrize("order, ratio", [(2.0, 1.5), (1.0, 2.0)])
 def test_numerical_band_is_that_of_the_finer_run(order, ratio):
-    """f(h) = 1 + h^p at the order assumed: with a safety factor of 1 the 95 % band is the finer run's own error."""
+    """f(h) = 1 + h^p: with a safety factor of 1 the 95 % band is the finer run's own error."""
     nominal, finer = 1 + 0.1**order, 1 + (0.1 / ratio) ** order
     one = Numerics(name="grid", ratio=ratio, order=order, safety=1.0)
     assert 2 * one.per_difference * (nominal - finer) == pytest.approx((0.1 / ratio) ** order)
@@ -117,49 +113,27 @@ SOUND = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
 
 
 @pytest.mark.parametrize(
-    "text, told",
-    [("nonsense", "not valid TOML"), ("nonsense =", "no value is given for nonsense;"), ('format = "x"\nformat_version = 1\ntoo_uncertain = 0.3', 'format = "inputs"'),
-     ('format = "inputs"\nformat_version = 1', "too_uncertain"),
-     (SOUND + "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'", "another step"),
-     (SOUND + "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3", "'grid' or 'time_step'")],
-)  # fmt: skip
-def test_bad_files_are_one_sentence(tmp_path, text, told):
-    path = tmp_path / "inputs.toml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=told):
-        read_inputs(path)
-
-
-def test_recorded_motion_drives_the_kinematics(tmp_path):
-    kinematics = finger_kinematics(tmp_path)
-    times = np.linspace(0.0, 0.42, 60)
-    bend = 1.05 * kinematics.bend(kinematics.law(times))
-    motion = motion_values(
-        kinematics,
-        strip_at_rest(kinematics),
-        times,
-        np.column_stack([bend, 0 * bend, 0 * bend, 0 * bend]),
-        0.42,
-    )
-    about = {"recording": "r", "dpiv_sha256": "0", "registration": "{}"}
-    write_recorded_motion(tmp_path / "motion.h5", motion | about)
-    folder = tmp_path / "measured"
-    folder.mkdir()
-    lines = [
-        f'extends = "{CASE}"',
-        "[motion]",
-        'source = "recording"',
-        'recording = "../motion.h5"',
-        "strokes = []",
-    ]
-    (folder / "scene.toml").write_text("\n".join(lines) + "\n")
-    driven = motion_of(load_scene(folder, "smoke"))
-    at = np.linspace(0.05, 0.4, 30)
-    moved = np.array([driven.shapes.bend(p) for p in driven.law(at)])
-    assert np.abs(np.degrees(moved - np.interp(at, times, bend))).max() < 0.5
-    assert (
-        np.abs(driven.law(at, 1)).max() < 1.2 * 1.05 * np.abs(kinematics.law(at, 1)).max()
-    )  # no ripple from the spline
+    "text, message",
+    [
+        ("nonsense", "not valid TOML"),
+        ("nonsense =", "no value is given for nonsense;"),
+        (SOUND.replace('"inputs"', '"x"'), 'format = "inputs"'),
+        (SOUND.replace("too_uncertain = 0.3", ""), "too_uncertain"),
+        (
+            SOUND + "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'",
+            "another step",
+        ),
+        (
+            SOUND + "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3",
+            "'grid' or 'time_step'",
+        ),
+    ],
+)
+def test_bad_files_are_one_sentence(tmp_path, text, message):
+    (tmp_path / "reference").mkdir()
+    (tmp_path / "reference" / "inputs.toml").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_inputs(tmp_path)
 
 
 def test_recording_and_strokes_exclude_each_other(tmp_path):
@@ -181,8 +155,6 @@ def test_view_of_a_laboratory_camera_stays_in_the_water():
         view_axes((0.5, 0.6, 0.1, 0.2), scene)
 
 
-def test_command_asks_for_the_sheet(tmp_path, capsys):
-    from postprocess.lab.__main__ import main
-
+def test_command_asks_for_dpiv_toml(tmp_path, capsys):
     assert main(["register", str(tmp_path), "--dpiv", str(tmp_path)]) == 2
     assert "dpiv.toml: missing" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The flow is judged at the recording's own motion: what that is in changes of the runs, and what of S − D it explains."""
+"""The recording's motion in changes of the runs, and the part of S − D that it explains."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ NOT_SCATTERED = pd.Series({"circulation": 0.0})
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """A recording that bends 5 % further and is 10 % faster; runs with 2 % more pressure, 10 % longer, and finer."""
+    """A recording with 5 % more bend in 10 % less time; runs of pressure, duration and grid."""
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
     pose, some = Pose(1e-4, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
@@ -41,9 +41,8 @@ def case(tmp_path_factory):
         Effect(n, kind, "", 0.5, pd.Series({"circulation": c}), NOT_SCATTERED, np.zeros(0), b, d)
         for n, kind, c, b, d in runs
     ]
-    return Case(
-        kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006, True, 0.02, True, effects
-    )  # fmt: skip
+    known = kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006
+    return Case(*known, True, 0.02, True, effects)
 
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
@@ -82,7 +81,7 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 1.0, 0.577), (-1.0, 1.0, 0.577)],
 )
 def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growth, gain, spread):
-    """Half-way, and the standard deviation of a uniform distribution over it: (growth − 1)/√12; beyond 3 as at 3, about the part itself."""
+    """Half-way, with the standard deviation (growth − 1)/√12; beyond 3 as at 3."""
     times = np.linspace(0.1, 0.2, 6)
     direct = pd.DataFrame({"time": times, "circulation": -5e-3 - 0.05 * times})
     measured = direct.assign(circulation=-2e-3 - growth * 0.05 * times)
@@ -90,12 +89,10 @@ def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growt
     assert found == pytest.approx((gain, spread), abs=1e-3)
 
 
-@pytest.mark.parametrize("without", ["pressure", "duration", "silhouette", "motion of its own"])
+@pytest.mark.parametrize("without", ["pressure", "duration", "silhouette"])
 def test_nothing_is_taken_out_where_it_is_not_known(case, without):
     if without == "silhouette":
         case = replace(case, registration=replace(case.registration, times=np.zeros(0)))
-    elif without == "motion of its own":
-        case = replace(case, measured_motion=True)
     else:
         case = replace(case, effects=[e for e in case.effects if e.name != without])
     assert recorded_motion_parts(case) == []

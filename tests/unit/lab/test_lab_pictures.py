@@ -1,4 +1,4 @@
-"""Recordings of every kind through a dpiv.toml: the same frames and times, whatever the camera wrote."""
+"""Recordings of every kind through a dpiv.toml have the same frames and times."""
 
 import cv2
 import numpy as np

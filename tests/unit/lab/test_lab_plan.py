@@ -35,8 +35,7 @@ def test_without_the_nominal_run_all_runs_are_named(tmp_path):
 
 @pytest.mark.parametrize("kind, minutes", [("2d", 1 + 1.5**1.5 + 2), ("half", 1 + 1.5**2.5 + 2)])
 def test_the_nominal_run_tells_the_time_of_the_others(tmp_path, monkeypatch, kind, minutes):
-    """250 CPU s on two ranks, of which 10 are the same for all: 2 minutes of steps for each run as large as the nominal one; its mesh
-    took a tenth."""
+    """250 CPU s on two ranks, of which 10 are the same for all runs; the mesh takes a tenth."""
     files = StageFiles(tmp_path / "finger", "smoke")
     solved(files, "")
     COST.write(files.out / "costs" / "run.json", {"stage": "run", "cpu_time": 250.0})
@@ -54,7 +53,7 @@ def test_the_nominal_run_tells_the_time_of_the_others(tmp_path, monkeypatch, kin
 def test_the_time_is_said_before_the_nominal_run_by_what_its_solver_is_predicted_to_take(
     tmp_path, monkeypatch
 ):
-    """A solver of 250 CPU s, of which 10 are the same for all: 2 minutes of steps on two ranks, four runs, three of one grid."""
+    """250 CPU s, of which 10 are the same for all: two ranks, four runs, three of one grid."""
     files = StageFiles(tmp_path / "finger", "smoke")
     monkeypatch.setattr(plan, "scene_numbers", lambda files: {"model": {"kind": "2d"}})
     for stage in plan.SET_UP:
@@ -63,21 +62,6 @@ def test_the_time_is_said_before_the_nominal_run_by_what_its_solver_is_predicted
     minutes = 2 * (1 + 1 + 1.5**1.5 + 2) + 4 * 5 / 60
     told = plan.plan_text(files, INPUTS, 2, solver=250.0)
     assert f"about {minutes:.0f} min on 2 idle cores, by the time that is predicted" in told
-
-
-def test_a_coupled_comparison_says_what_it_solves(tmp_path):
-    """The nominal run took 60 s of set-up and 240 of its solver; three times that, the solver on two ranks."""
-    files, home = StageFiles(tmp_path / "finger", "smoke"), tmp_path / "coupled"
-    assert (
-        "there already: none; all together about three times the nominal run"
-        in plan.coupled_plan_text(files, home, 2)
-    )
-    for stage, took in {**dict.fromkeys(plan.SET_UP, 20.0), "run": 240.0}.items():
-        COST.write(files.out / "costs" / f"{stage}.json", {"stage": stage, "cpu_time": took})
-    (home / "smoke_1" / "out" / "smoke").mkdir(parents=True)
-    (home / "smoke_1" / "out" / "smoke" / "loads.h5").touch()
-    told = plan.coupled_plan_text(files, home, 2)
-    assert "there already: smoke_1; from the first on about 9 min on 2 idle cores" in told
 
 
 def test_runs_of_an_earlier_comparison_are_shared(tmp_path):

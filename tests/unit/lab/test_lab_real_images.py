@@ -1,4 +1,4 @@
-"""Real pictures: a real dark body is found to a pixel, real seeding is measured, a real lens is taken out on the way in."""
+"""Real pictures: a dark body is found to a pixel, the seeding is measured."""
 
 import os
 from pathlib import Path
@@ -50,7 +50,7 @@ def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecordi
 
 
 def test_edge_of_a_real_cylinder(tmp_path):
-    """The circle of the likelihood against the radius at which the mean grey level passes half-way."""
+    """The circle of the likelihood against the radius of the half-way mean grey level."""
     pictures = recording(tmp_path, "pivlab_karman", "*.bmp")
     images = [pictures.frame(i) for i in range(len(pictures))]
     rows, columns = pictures.shape
@@ -85,7 +85,7 @@ def test_edge_of_a_real_cylinder(tmp_path):
 
 
 def test_seeding_of_real_pictures(tmp_path):
-    """No body in them: density by moments against counted spots, which miss what overlaps and what is dim."""
+    """Density by moments against counted spots, which miss overlapping and dim ones."""
     pictures = recording(tmp_path, "pypiv_finger", "*.tif")
     images = [pictures.frame(i) for i in range(len(pictures))]
     dark = float(np.percentile(images[0], 20))

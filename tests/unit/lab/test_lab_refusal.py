@@ -17,7 +17,7 @@ def test_a_quick_look_leaves_the_registration(tmp_path, quick):
     )
     files.registration.write_text("{}")
     square = np.array([[1.0, 1.0], [6.0, 1.0], [6.0, 6.0], [1.0, 6.0]])
-    check = FitCheck(["it is askew"], np.ones((8, 8)), square, np.zeros(4, bool), profile=None)
+    check = FitCheck(["it is askew"], np.ones((8, 8)), square, np.zeros(4, bool))
     with pytest.raises(
         StageError,
         match=r"dpiv\.toml: the registration is refused: it is askew; see .*refused\.png",

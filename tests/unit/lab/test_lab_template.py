@@ -1,4 +1,4 @@
-"""A dpiv.toml to start from: what the files of a folder show is filled in, the rest is asked for."""
+"""A dpiv.toml to start from, filled in from the files of a folder."""
 
 import tomllib
 
@@ -38,8 +38,12 @@ def test_pictures_fill_in_files_and_root(tmp_path):
 def test_vectors_are_told_from_pictures(tmp_path):
     (tmp_path / "a001.dat").write_text("x y u v")
     assert seen_in(tmp_path) == {
-        "format": '"dpiv"', "format_version": "3", "title": f'"{tmp_path.name}"', "files": '"*.dat"', "kind": '"vectors"'
-    }  # fmt: skip
+        "format": '"dpiv"',
+        "format_version": "3",
+        "title": f'"{tmp_path.name}"',
+        "files": '"*.dat"',
+        "kind": '"vectors"',
+    }
 
 
 def test_exported_vectors_are_told_from_a_recording(tmp_path):
