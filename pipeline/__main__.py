@@ -212,6 +212,64 @@ def new(folder: Annotated[Path, Parameter(help="Folder of the new scene.")], *,
 
 
 @app.command
+def compare(
+    scene: Scene,
+    dpiv: Annotated[Path | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml.")] = None,
+    *,
+    level: Level = "coarse",
+    inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
+    quick: Annotated[bool, Parameter(env_var="QUICK", negative="")] = False,
+    ranks: Ranks = USUAL,
+    quiet: Quiet = False,
+) -> None:
+    """Compare a scene with the recording of a laboratory.
+
+    Parameters
+    ----------
+    quick
+        Print the motion alone; nothing is solved.
+    """
+    from pipeline.runs.make import Machine
+    from postprocess.lab.command import compare_with
+
+    if dpiv is None:
+        raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
+    machine = Machine(ranks, min(ranks, CORES))
+    run_ = _open(scene, level)
+    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    if page is not None:
+        print(f"report: {page.resolve()}")
+
+
+@app.command
+def virtual_lab(
+    scene: Scene,
+    *,
+    level: Level = "coarse",
+    pressure_kpa: Annotated[float, Parameter(env_var="PRESSURE", help="Of the last stroke.")] = 21,
+    ranks: Ranks = USUAL,
+    quiet: Quiet = False,
+) -> None:
+    """Render a stand-in for a laboratory's recording, to try compare on."""
+    from pipeline.runs.make import Machine
+    from postprocess.lab.command import virtual_laboratory
+
+    machine = Machine(ranks, min(ranks, CORES))
+    folder = virtual_laboratory(_open(scene, level), pressure_kpa, machine, quiet)
+    print(f"now: make compare SCENE={scene.name} LEVEL={level} DPIV={folder}")
+
+
+@app.command
+def new_dpiv(
+    data: Annotated[Path | None, Parameter(help="Folder of the recording.")] = None,
+) -> None:
+    """Print a dpiv.toml to start from, with what the files of a folder show filled in."""
+    from postprocess.lab.data.dpiv_reference import dpiv_template
+
+    print(dpiv_template(data), end="")
+
+
+@app.command
 def openfoam() -> None:
     """Say which OpenFOAM is found."""
     from pipeline.openfoam.environment import foam_version

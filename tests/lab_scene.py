@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from pipeline.stage_settings import settings_of
 
 from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinematics
 from fileio.formats.plane_series import make_plane
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
-from pipeline.stage_settings import settings_of
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, sheet_light
 from piv.synthetic.particles import Box, seed_particles

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from fileio.errors import StageError, one_line, sentence
 from fileio.lock import exclusive
-from fileio.provenance import versions
+from fileio.provenance import digest, versions
 from fileio.record import changed_outputs, read_record, record_path, write_record
 from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
@@ -136,6 +136,22 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)
         write_record(run.out, stage, about, sorted(found))
+
+
+def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = False) -> None:
+    """Sample the laser sheet of a run over another view (m: x0, x1, y0, y1), where it changed.
+
+    The record lies beside the file.
+    """
+    about = {"digest": digest([run.digest("sheet"), view])}
+    record = read_record(path.parent, path.stem)
+    same = record is not None and record["digest"] == about["digest"]
+    if record and same and not changed_outputs(path.parent, record):
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record_path(path.parent, path.stem).unlink(missing_ok=True)
+    import_module("pipeline.sheet").run(run.scene, quiet, view=view, output=path)
+    write_record(path.parent, path.stem, about, [path])
 
 
 def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from fileio.atomic import write_text
@@ -28,19 +27,11 @@ def reference() -> str:
     return HEAD + markdown(KEYS)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `dpiv-reference`."""
-    parser.add_argument("--template", action="store_true", help="print a dpiv.toml to start from")
-    parser.add_argument(
-        "--data", type=Path, help="of --template: fill in what the files of this folder show"
-    )
+def write_reference() -> None:
+    """Write docs/dpiv_reference.md."""
+    write_text(PAGE, reference())
 
 
-def run(args: argparse.Namespace) -> None:
-    """Command `dpiv-reference`: docs/dpiv_reference.md."""
-    if args.template:
-        print(template(KEYS, seen_in(args.data) if args.data else None), end="")
-    elif args.data:
-        raise ValueError("--data goes with --template")
-    else:
-        write_text(PAGE, reference())
+def dpiv_template(data: Path | None) -> str:
+    """A dpiv.toml to start from, with what the files of a folder show filled in."""
+    return template(KEYS, seen_in(data) if data else None)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fileio.atomic import write_text
 from fileio.toml_text import read_toml
-from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
 Row = tuple[str, dict[str, Any]]  # name of a run, and its values by dotted key of the scene
@@ -141,25 +138,3 @@ def _refined(numbers: dict[str, Any], finer: Numerics) -> dict[str, Any]:
     values |= {name: round(mesh[name] * finer.ratio) for name in MESH_COUNTS}
     values |= {name: mesh[name] ** (1 / finer.ratio) for name in MESH_GROWTH}
     return {f"mesh.{name}": value for name, value in values.items()}
-
-
-def write_scene(files: StageFiles, name: str, overrides: dict[str, Any]) -> Path:
-    """Write out/<level>/<name>/scene.toml where it changed; returns its folder."""
-    folder = files.out / name
-    lines = ["# Written by postprocess.lab, beside the nominal run.", 'extends = "../../../.."']
-    # of the level: what the scene states for this level would have the last word
-    lines += [f"levels.{files.level}.{k} = {_toml(v)}" for k, v in overrides.items()]
-    text, path = "\n".join(lines) + "\n", folder / "scene.toml"
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        write_text(path, text)
-    return folder
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML; what is None in a table is left out."""
-    if isinstance(value, dict):
-        parts = (f"{k} = {_toml(v)}" for k, v in value.items() if v is not None)
-        return f"{{ {', '.join(parts)} }}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return json.dumps(value, ensure_ascii=False)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from fileio.formats.records import COST
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from collections.abc import Mapping
+
+from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.run import Run
 from postprocess.lab.data.inputs_toml import Input, Inputs, Numerics
 
 SET_UP = ("kinematics", "mesh", "case")  # stages before the solver
 FIXED = 10.0  # CPU s of a run that cells and steps do not change (half of a run at most)
 # A grid finer by r has r^(d - GRADED) times the cells: 1.8 at smoke, 2.5 to 2.9 at finer levels.
 GRADED = 0.5
-PREDICT = "is not known yet (make predict estimates it)"
 
 
 def _work(one: Input | Numerics, dimensions: int) -> tuple[float, float]:
@@ -33,13 +34,14 @@ def _solving_time(took: dict[str, float], works: list[tuple[float, float]], rank
     return time
 
 
-def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | None = None) -> str:
-    """The solved and the missing runs of a scene, with the time of the latter.
+def plan_text(run: Run, beside: Mapping[str, Run], inputs: Inputs, ranks: int) -> str:
+    """The solved and the missing runs of a comparison, with the time of the latter.
 
-    `solver`: predicted time (s) of the nominal run's solver on one rank, used until it has run.
+    `beside`: the runs that vary one of the `inputs` each, by name. The times are those of the
+    nominal run, or as predicted for it.
     """
-    nominal = (files.out / "run" / "run.json").exists()
-    missing = [one for one in inputs.all if not _solved(files, one.name)]
+    nominal = run.why_stale("run") is None
+    missing = [one for one in inputs.all if beside[one.name].why_stale("run") is not None]
     there = ["the nominal run"] if nominal else []
     there += [one.name for one in inputs.all if one not in missing]
     text = f"plan: solved already: {', '.join(there) or 'nothing'}; "
@@ -47,26 +49,10 @@ def plan_text(files: StageFiles, inputs: Inputs, ranks: int, solver: float | Non
         return f"{text}nothing is left to solve"
     wanted = ([] if nominal else ["the nominal run"]) + [one.name for one in missing]
     text += f"to be solved: {', '.join(wanted)}"
-    costs = {stage: files.out / "costs" / f"{stage}.json" for stage in (*SET_UP, "run")}
-    took = {s: float(COST.read(path)["cpu_time"]) for s, path in costs.items() if path.exists()}
-    by = "by the nominal run's cost"
-    if solver is not None and not nominal:
-        took["run"] = solver + FIXED
-        by = "by the time that is predicted for the nominal run"
-    if unknown := [stage for stage in costs if stage not in took]:
-        return f"{text}; the nominal run's cost of {', '.join(unknown)} {PREDICT}"
+    took = {stage: estimate(run, stage)[0] for stage in (*SET_UP, "run")}
+    by = "by the nominal run's cost" if nominal else "by the time predicted for the nominal run"
     # a plane grid is made finer in two directions only
-    dimensions = 2 if scene_numbers(files)["model"]["kind"] == "2d" else 3
+    dimensions = 2 if run.scene.model.kind == "2d" else 3
     works = [_work(one, dimensions) for one in missing] + [(1.0, 1.0)] * (not nominal)
-    time = _duration(_solving_time(took, works, ranks))
+    time = duration(_solving_time(took, works, ranks))
     return f"{text}, about {time} on {ranks} idle cores, {by}"
-
-
-def _solved(files: StageFiles, name: str) -> bool:
-    return (files.out / "inputs" / name / "out" / files.level / "run" / "run.json").exists()
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

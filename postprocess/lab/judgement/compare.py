@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from fileio.checksum import sha256
 
-from fileio.atomic import write_text
+from fileio.atomic import sha256, write_text
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.lab_fields import write_fields
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import versions
 from piv.vortices.find import VortexSettings
-from postprocess.evidence.stage_files import read_json
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
@@ -55,7 +53,7 @@ def _effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> Iterator[Ef
     for one in inputs.all:
         if not files.run_sheet(one.name).exists():
             continue
-        out = files.stage.out / "inputs" / one.name / "out" / files.stage.level
+        out = files.stage.out / "inputs" / one.name
         with read_plane(files.run_sheet(one.name)) as sheet:
             plane = camera_series(sheet.load(), pose, *axes)
         yield effect_of(one, plane, read_kinematics(out / "kinematics.h5"), case, nominal)
@@ -104,7 +102,7 @@ def _make_case(
     inputs: Inputs,
 ) -> Case:
     """The data of the budgets, with the effects of the runs."""
-    settings = read_json(files.stage.required("settings/vortices.json", "settings"))
+    settings = files.stage.numbers.vortices.model_dump(mode="json")
     times = planes.direct["time"].values
     window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
@@ -263,7 +261,6 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
         "versions": {"python": platform.python_version()}
         | versions(*names)
         | run.get("versions", {}),
-        "scene_hash": str(run.get("scene_hash", "")),
         "dpiv_sha256": sha256(dpiv.folder / NAME),
         "seed": seed,
         "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},

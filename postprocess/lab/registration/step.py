@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fileio.checksum import sha256
 
-from fileio.atomic import write_bytes, write_text
+from fileio.atomic import sha256, write_bytes, write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from postprocess.evidence.stage_files import StageFiles
-from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start, read_dpiv
+from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start
 from postprocess.lab.data.files import NO_NUISANCE, LabFiles, Law, Registration, write_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
@@ -23,12 +21,6 @@ from postprocess.lab.registration.register import SWEEPS, register
 
 QUICK_SWEEPS = (8, 10, 12, 30)
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
-
-
-def lab_files(case: Path, level: str, dpiv: Path) -> tuple[LabFiles, Dpiv]:
-    """Paths of a comparison, and its dpiv.toml."""
-    stated = read_dpiv(dpiv)
-    return LabFiles(StageFiles(case, level), stated.name), stated
 
 
 def run_registration(

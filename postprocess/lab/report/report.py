@@ -17,7 +17,6 @@ from fileio.formats.kinematics import read_kinematics
 from fileio.formats.lab_fields import read_fields
 from fileio.formats.records import LAB_COMPARISON
 from postprocess.draw.style import save
-from postprocess.evidence.stage_files import scene_title
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.report import answers, draw, wording
@@ -35,7 +34,7 @@ def make_report(files: LabFiles) -> Path:
     result = LAB_COMPARISON.read(files.comparison)
     pictures = {n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, result)}
     path = files.folder / "report.html"
-    write_text(path, page(scene_title(files.stage.scene_folder), result, pictures))
+    write_text(path, page(files.stage.numbers.title, result, pictures))
     return path
 
 

@@ -1,12 +1,10 @@
 """A virtual laboratory: a recording rendered from a run, with known errors of set-up.
 
-`python -m postprocess.lab recording cases/single_finger --sheet sheet.h5 -o folder` writes
-recording.h5, dpiv.toml as a laboratory would state it, and truth.json, which nothing else reads.
+It writes recording.h5, dpiv.toml as a laboratory would state it, and truth.json, which nothing else reads.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,8 +13,6 @@ import numpy as np
 import xarray as xr
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.plane_series import read_plane
 from piv.synthetic.camera import Camera, Seeding
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.virtual.virtual_experiment import virtual_recording
@@ -117,22 +113,3 @@ def camera_for(
     middle = np.array([root[0] + 0.020, root[1] - 0.055])
     origin = np.array([(columns - 1) / 2, (rows - 1) / 2]) - middle / scale_m_per_px
     return Camera(columns, rows, scale_m_per_px, (float(origin[0]), float(origin[1])), rate)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the command `recording`."""
-    parser.add_argument("case", type=Path, help="scene of the run, as cases/single_finger")
-    parser.add_argument("--level", default="smoke")
-    parser.add_argument("--sheet", type=Path, required=True, help="of more than the camera's view")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
-
-
-def run(args: argparse.Namespace) -> None:
-    """Command `recording`."""
-    root = read_kinematics(args.case / "out" / args.level / "kinematics.h5").root
-    camera = camera_for(root, COLUMNS, SCALE_M_PER_PX, EXPOSURES_HZ)
-    set_up = SetUp(camera, Seeding(density_ppp=0.05))
-    with read_plane(args.sheet) as sheet:
-        make_recording(sheet.load(), set_up, root, args.output, PAIRS_HZ)
-    write_dpiv(set_up, root, args.output, args.case.name, PAIRS_HZ)
-    print(args.output)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from pipeline.stage_settings import settings_of
+from postprocess.lab.__main__ import main
 
 from fileio.errors import StageError
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
-from pipeline.stage_settings import settings_of
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.lab.__main__ import main
 from postprocess.lab.data.inputs_toml import (
     Input,
     Inputs,
