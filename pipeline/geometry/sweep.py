@@ -15,17 +15,13 @@ from pipeline.openfoam.foamfile import END, header, write_bytes, write_list
 
 @dataclass(frozen=True)
 class Sweep:
-    """A planform and the levels it is swept through; cells of a body's footprint are left out inside the body.
-
-    Bodies are numbered from 1 (0 is water): `body_patch` names the patch of each one's walls, `body_half_width` how
-    far it reaches in |z|.
-    """
+    """A planform and the levels it is swept through; bodies, numbered from 1, have no cells."""
 
     triangles: np.ndarray
     quads: np.ndarray
     body: np.ndarray  # (triangle,) number of the body in whose footprint it lies, 0 in the water
-    body_patch: tuple[str, ...]  # of bodies 1, 2 …, out of BODY_PATCHES
-    body_half_width: tuple[float, ...]  # m
+    body_patch: tuple[str, ...]  # of the walls of bodies 1, 2 …, out of BODY_PATCHES
+    body_half_width: tuple[float, ...]  # reach in |z|, m
     levels: np.ndarray  # (level,) z from the back to the front, m
     model: str  # 2d, half, quarter or full
 
@@ -50,10 +46,7 @@ class PolyMesh:
 
 
 def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
-    """Build the swept mesh.
-
-    `side_of_edge` (edge,) gives, for edges of the planform with one cell only, the index into OUTER_PATCHES.
-    """
+    """The swept mesh; `side_of_edge` (edge,): index into OUTER_PATCHES of edges with one cell."""
     columns = len(sweep.triangles) + len(sweep.quads)
     layers = len(sweep.levels) - 1
     middle = 0.5 * (sweep.levels[1:] + sweep.levels[:-1])
@@ -63,7 +56,7 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
         filled[1:] = True
     body = np.concatenate([sweep.body, np.zeros(len(sweep.quads), int)])
     exists = ~filled[body]
-    patch_of = np.array([-1, *(PATCHES.index(name) for name in sweep.body_patch)])[body]
+    patch_of = np.array([-1, *(_PATCHES.index(name) for name in sweep.body_patch)])[body]
     edges = planform_edges(sweep.triangles, sweep.quads)
     number = _cell_numbers(exists, edges.left, edges.right, columns)
 
@@ -91,7 +84,7 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
     order = np.lexsort((other, own, np.where(other >= 0, -1, patch)))
     corner, own, other, patch = corner[order], own[order], other[order], patch[order]
     inner = int((other >= 0).sum())
-    counts = [int((patch[inner:] == k).sum()) for k in range(len(PATCHES))]
+    counts = [int((patch[inner:] == k).sum()) for k in range(len(_PATCHES))]
     starts = inner + np.concatenate([[0], np.cumsum(counts)[:-1]])
     size = (corner >= 0).sum(1)
     column, layer = np.nonzero(exists)
@@ -104,29 +97,30 @@ def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
         face_points=corner[corner >= 0],
         owner=own,
         neighbour=other[:inner],
-        patches=tuple((n, int(s), c) for n, s, c in zip(PATCHES, starts, counts, strict=True) if c),
+        patches=tuple(
+            (n, int(s), c) for n, s, c in zip(_PATCHES, starts, counts, strict=True) if c
+        ),
         cell_column=column[by_number],
         cell_layer=layer[by_number],
     )
 
 
-# Walls and bottom; free surface; symmetry plane between two fingers; gap at the waterline that takes up the volume
-# by which a finger swells: the rigid lid cannot rise.
+# Walls and bottom; free surface; symmetry plane between two fingers; gap at the waterline, which
+# takes up the volume by which a finger swells, as the rigid lid cannot rise.
 OUTER_PATCHES = ("tank", "top", "mirror", "gap")
 BODY_PATCHES = ("finger", "mirrored_finger", "object", "support")
-PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
+_PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 
 
 def _cell_numbers(
     exists: np.ndarray, left: np.ndarray, right: np.ndarray, columns: int
 ) -> np.ndarray:
-    """Number cells column by column in an order of small bandwidth, so that the linear solver finds neighbours near."""
+    """Numbers of cells, column by column in an order of small bandwidth for the linear solver."""
     pair = right >= 0
     a, b = left[pair], right[pair]
     graph = sp.coo_matrix((np.ones(len(a)), (a, b)), shape=(columns, columns)).tocsr()
     order = reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)
-    number = np.full(exists.shape, -1)
-    ranked = np.full(exists.shape, -1)
+    number, ranked = np.full((2, *exists.shape), -1)
     ranked[exists[order]] = np.arange(exists.sum())
     number[order] = ranked
     return number
@@ -163,7 +157,7 @@ def _across(nodes_of, exists, number, point, patch_of, model):
         if both.any():
             yield corner[both], number[both, k - 1], number[both, k], none[both]
         ends = {0: "back", layers: "front" if model == "full" else "sheet"}
-        end = np.full(len(exists), PATCHES.index(ends[k])) if k in ends else patch_of
+        end = np.full(len(exists), _PATCHES.index(ends[k])) if k in ends else patch_of
         up, down = below & ~above, above & ~below
         if up.any():
             yield corner[up], number[up, k - 1], none[up], end[up]
@@ -179,8 +173,14 @@ def _reversed(corner: np.ndarray) -> np.ndarray:
     return turned
 
 
-def write_polymesh(mesh: PolyMesh, points: np.ndarray, folder: Path, patch_types: dict[str, str],
-                   face_zones: dict[str, np.ndarray], cell_zones: dict[str, np.ndarray]) -> None:  # fmt: skip
+def write_polymesh(
+    mesh: PolyMesh,
+    points: np.ndarray,
+    folder: Path,
+    patch_types: dict[str, str],
+    face_zones: dict[str, np.ndarray],
+    cell_zones: dict[str, np.ndarray],
+) -> None:
     """Write constant/polyMesh (binary) with its patches and zones."""
     place = "constant/polyMesh"
     note = (

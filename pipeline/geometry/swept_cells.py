@@ -1,4 +1,4 @@
-"""The cells of a swept mesh at one instant, and values carried from one such mesh to another, layer by layer."""
+"""The cells of a swept mesh at one instant, and values carried from one mesh to another."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_
 
 @dataclass(frozen=True)
 class SweptCells:
-    """Columns of a planform with their centroids (column, 2; m) and areas, and the column and layer of each cell.
-
-    `wall_velocity` (edge, 2; m/s) is that of the middle of each edge of the planform, for edges that are walls.
-    """
+    """Columns of a planform, and the column and layer of each cell."""
 
     outline: np.ndarray  # (column, 4, 2) corners; a triangle's last one twice
     edges: Edges
-    centre: np.ndarray
-    area: np.ndarray
-    middle: np.ndarray
-    wall_velocity: np.ndarray
+    centre: np.ndarray  # (column, 2) m
+    area: np.ndarray  # (column,) m²
+    middle: np.ndarray  # (edge, 2) m
+    wall_velocity: np.ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
     levels: np.ndarray
     column: np.ndarray
     layer: np.ndarray
@@ -44,7 +41,7 @@ class SweptCells:
 def swept_cells(
     planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, velocity: np.ndarray
 ) -> SweptCells:
-    """The cells of an interval's mesh where its planform's nodes are at `nodes` (node, 2; m) and move with `velocity`."""
+    """The cells of a mesh whose nodes are at `nodes` (node, 2; m) and move with `velocity`."""
     triangles, quads = planform["triangles"].values, planform["quads"].values
     edges = planform_edges(triangles, quads)
     return SweptCells(
@@ -62,7 +59,7 @@ def swept_cells(
 
 @dataclass(frozen=True)
 class Overlap:
-    """Where columns of two planforms overlap: which ones, the area (m²) and its centroid (part, 2; m)."""
+    """Parts that columns of two planforms share, with area (m²) and centroid (part, 2; m)."""
 
     source: np.ndarray
     target: np.ndarray
@@ -81,22 +78,26 @@ def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
     return Overlap(cut[real], inside[real], area[real], centre)
 
 
-def carry(source: SweptCells, target: SweptCells, overlap: Overlap, values: np.ndarray, *,
-          no_slip: bool) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Values (cell, n) on another mesh of the same layers: averaged over its cells, and sampled at their centres.
+def carry(
+    source: SweptCells,
+    target: SweptCells,
+    overlap: Overlap,
+    values: np.ndarray,
+    *,
+    no_slip: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (cell, n) on another mesh of the same layers: cell averages, and samples at centres.
 
-    In the source each cell's value is continued linearly by its gradient in the plane: both results are exact for fields
-    that are linear there. The first keeps sums over the volume but smooths, the second does not smooth. Where `no_slip`,
-    values are velocities, and walls count as neighbours.
+    Each source cell's value is continued linearly by its gradient, so that both are exact for
+    linear fields. The averages keep sums over the volume but smooth, the samples do not smooth.
+    Where `no_slip`, values are velocities, and walls count as neighbours.
     """
     averaged, sampled = (np.empty((len(target.column), values.shape[1])) for _ in range(2))
     number, wanted = source.numbers(), target.numbers()
     for layer in range(number.shape[1]):
-        slope = gradients(source, values, number[:, layer], no_slip)
+        slope = _gradients(source, values, number[:, layer], no_slip)
 
-        def continued(
-            column: np.ndarray, place: np.ndarray, layer: int = layer, slope: np.ndarray = slope
-        ) -> np.ndarray:
+        def continued(column, place, layer=layer, slope=slope):
             offset = place - source.centre[column]
             return values[number[column, layer]] + np.einsum("cd,cdn->cn", offset, slope[column])
 
@@ -109,21 +110,21 @@ def carry(source: SweptCells, target: SweptCells, overlap: Overlap, values: np.n
         weight = overlap.area[part]
         total = np.bincount(part_cell, weight, len(averaged))[cells]
         share = weight[:, None] * continued(overlap.source[part], overlap.centre[part])
-        summed = np.stack(
-            [np.bincount(part_cell, column, len(averaged))[cells] for column in share.T], 1
-        )
-        covered = (
-            total > 0.1 * target.area[columns]
-        )  # less: a sliver at a wall, whose chords differ
+        sums = [np.bincount(part_cell, column, len(averaged))[cells] for column in share.T]
+        # less is a sliver at a wall, whose chords differ
+        covered = total > 0.1 * target.area[columns]
         averaged[cells] = sampled[cells]
-        averaged[cells[covered]] = summed[covered] / total[covered, None]
+        averaged[cells[covered]] = np.stack(sums, 1)[covered] / total[covered, None]
     return averaged, sampled
 
 
-def gradients(
+def _gradients(
     cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool
 ) -> np.ndarray:
-    """Gradients (column, axis, n) in one layer by least squares over the neighbours, weighted by inverse distance squared."""
+    """Gradients (column, axis, n) in one layer, by least squares over the neighbours.
+
+    Weights are inverse squares of the distance.
+    """
     left, right = cells.edges.left, cells.edges.right
     inner = right >= 0
     there, beyond = number[left] >= 0, inner & (number[right] >= 0)

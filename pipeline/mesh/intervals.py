@@ -1,4 +1,4 @@
-"""How a motion is divided among planforms: a measure of deformation, and the intervals of time that each planform serves."""
+"""How a motion is divided among planforms: a measure of deformation, and intervals of time."""
 
 from __future__ import annotations
 
@@ -6,29 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# About what takes a good planform to 70° of non-orthogonality: measured on the pinch at level coarse (docs/mesh.md)
-GAP_FACTOR = 3.0  # change of a gap
-BEND_SCALE = np.radians(110.0)
-HYSTERESIS = (
-    0.1  # of a part: a motion must turn back by as much before an earlier planform is taken again
-)
-# Both of two consecutive intervals are solved in their overlap, until the later one no longer depends on its start: the larger of
+# About what takes a good planform to 70° of non-orthogonality: the pinch at coarse (docs/mesh.md)
+_GAP_FACTOR = 3.0  # change of a gap
+_BEND_SCALE = np.radians(110.0)
+# of a part: a motion must turn back by as much before an earlier planform is taken again
+HYSTERESIS = 0.1
+# Two consecutive intervals are both solved in their overlap, until the later one no longer depends
+# on its start: the larger of
 OVERLAP_TIME = 4e-3  # s
 OVERLAP_STEPS = 8
 PADDING = 4  # time steps beyond an interval's end that its shapes cover
-RESTING = 1e-8  # of a mesh's reach in a time step: less is no motion (well below 1e-6 of any stroke's speed)
-LEAST_REST = 0.1  # of a run's steps: a shorter rest at its end is not worth an interval of its own
+_RESTING = 1e-8  # of a mesh's reach in a time step: less is no motion
+_LEAST_REST = 0.1  # of a run's steps: a shorter rest at its end gets no interval of its own
 
 
 def cumulative_deformation(bend: np.ndarray, gap: np.ndarray) -> np.ndarray:
-    """Deformation (knot,) added up from the first shape on, of bends (rad) and gaps (m; may be infinite); 1 is what one mesh can follow."""
-    near = np.log(np.minimum(gap, 1.0)) / np.log(GAP_FACTOR)
-    return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(bend) / BEND_SCALE, np.diff(near)))])
+    """Deformation (knot,) since the first shape, of bends (rad) and gaps (m; may be infinite).
+
+    One mesh can follow about 1.
+    """
+    near = np.log(np.minimum(gap, 1.0)) / np.log(_GAP_FACTOR)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(bend) / _BEND_SCALE, np.diff(near)))])
 
 
 @dataclass(frozen=True)
 class Part:
-    """A range of deformation, `low` to `high`, and the intervals (first step, last step) that it serves."""
+    """A range of deformation, and the intervals (first step, last step) that it serves."""
 
     low: float
     high: float
@@ -41,63 +44,60 @@ class Part:
 
 
 def divide(deformation: np.ndarray, count: int, sampling: int, overlap: int) -> list[Part]:
-    """Split the run into time intervals of equal deformation; each uses one of at most `count` meshes.
+    """Time intervals of equal deformation; each uses one of at most `count` meshes.
 
-    `deformation` (step + 1,) is that of the shape after each time step. Mesh intervals begin at multiples of `sampling` steps and
-    are longer than two overlaps; the shapes of a planform cover those of its intervals and of the `overlap` steps before each.
-    A planform that no interval needs is left out. A long rest at the end is an interval of its own, whose mesh stands still.
+    `deformation` (step + 1,) is that after each time step. Intervals begin at multiples of
+    `sampling` steps and are longer than two overlaps; the shapes of a planform cover those of its
+    intervals and of the `overlap` steps before each. A planform that no interval needs is left out.
+    A long rest at the end is an interval of its own, whose mesh stands still.
     """
     low, width = float(deformation.min()), float(np.ptp(deformation)) / count
     steps = len(deformation) - 1
-
-    def part_of(value: float) -> int:
-        return min(max(int((value - low) / width), 0), count - 1) if width > 0 else 0
-
     intervals: list[tuple[int, int]] = []  # part, first step
     for step in range(0, steps, sampling):
-        here = part_of(deformation[step])
+        value = deformation[step]
+        part = min(max(int((value - low) / width), 0), count - 1) if width > 0 else 0
         if (
             not intervals
-            or here > intervals[-1][0]
-            or deformation[step] < low + width * (intervals[-1][0] - HYSTERESIS)
+            or part > intervals[-1][0]
+            or value < low + width * (intervals[-1][0] - HYSTERESIS)
         ):
-            intervals.append((here, step))
+            intervals.append((part, step))
     intervals = _without_short_ones(intervals, steps, 2 * overlap + 1)
     rest = -(-(last_move(deformation) + overlap + 1) // sampling) * sampling
-    if (
-        steps - rest >= max(2 * overlap + 1, LEAST_REST * steps)
-        and rest - intervals[-1][1] > 2 * overlap
-    ):
+    long = steps - rest >= max(2 * overlap + 1, _LEAST_REST * steps)
+    if long and rest - intervals[-1][1] > 2 * overlap:
         intervals.append((intervals[-1][0], rest))
-    ends = [first for _, first in intervals[1:]] + [steps]
+    served: dict[int, list[tuple[int, int]]] = {}
+    for part, first, end in _with_ends(intervals, steps):
+        served.setdefault(part, []).append((first, end))
     parts = []
-    for part in sorted({part for part, _ in intervals}):
-        mine = tuple(
-            (first, end)
-            for (number, first), end in zip(intervals, ends, strict=True)
-            if number == part
-        )
+    for _, spans in sorted(served.items()):
         reached = np.concatenate(
-            [deformation[max(0, first - overlap) : end + PADDING + 1] for first, end in mine]
+            [deformation[max(0, first - overlap) : end + PADDING + 1] for first, end in spans]
         )
-        parts.append(Part(float(reached.min()), float(reached.max()), mine))
+        parts.append(Part(float(reached.min()), float(reached.max()), tuple(spans)))
     return parts
 
 
+def _with_ends(intervals: list[tuple[int, int]], steps: int) -> list[tuple[int, int, int]]:
+    """Part, first step and last step."""
+    ends = [first for _, first in intervals[1:]] + [steps]
+    return [(*interval, end) for interval, end in zip(intervals, ends, strict=True)]
+
+
 def last_move(deformation: np.ndarray) -> int:
-    """The last time step in which a motion with `deformation` (step + 1,) moves; 0 where none does."""
-    moving = np.flatnonzero(np.abs(np.diff(deformation)) > RESTING)
+    """The last time step in which a motion with `deformation` (step + 1,) moves; 0 if none."""
+    moving = np.flatnonzero(np.abs(np.diff(deformation)) > _RESTING)
     return int(moving[-1]) + 1 if len(moving) else 0
 
 
 def _without_short_ones(
     intervals: list[tuple[int, int]], steps: int, least: int
 ) -> list[tuple[int, int]]:
-    """Mesh intervals (part, first step) of at least `least` steps; time of shorter ones goes to the interval before, or else to the next."""
+    """Intervals of at least `least` steps; a shorter one goes to the one before, else the next."""
     kept: list[tuple[int, int]] = []
-    for (part, first), end in zip(
-        intervals, [first for _, first in intervals[1:]] + [steps], strict=True
-    ):
+    for part, first, end in _with_ends(intervals, steps):
         if kept and (kept[-1][0] == part or end - first < least):
             continue
         if kept and first - kept[-1][1] < least:  # only the first can be left short

@@ -1,8 +1,9 @@
-"""Moving the planform: nodes that minimise the symmetric Dirichlet energy for given boundary positions.
+"""Moving the planform: nodes of least symmetric Dirichlet energy for moved boundaries.
 
-The energy grows without bound as a cell flattens, so that no cell can invert (Smith & Schaefer 2015; Rabinovich et al. 2017, SLIM).
-It is minimised by Newton's method; where its own step does not descend, with the Hessian of each triangle made positive
-(analytic eigensystem of an isotropic 2-D energy; Smith, de Goes & Kim 2019).
+The energy grows without bound as a cell flattens, so that no cell can invert (Smith & Schaefer
+2015; Rabinovich et al. 2017, SLIM). It is minimised by Newton's method; where its own step does not
+descend, with the Hessian of each triangle made positive (analytic eigensystem of an isotropic 2-D
+energy; Smith, de Goes & Kim 2019).
 """
 
 from __future__ import annotations
@@ -13,39 +14,34 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-GRADIENT_TOLERANCE = 1e-7  # square root of the energy still to be gained, relative to the energy
-MAX_ITERATIONS = 60
+_GRADIENT_TOLERANCE = 1e-7  # square root of the energy still to be gained, relative to the energy
+_MAX_ITERATIONS = 60
 
 
 class MorphError(ValueError):
-    """The boundary asks for a shape that no valid mesh of this connectivity was found for."""
+    """No valid mesh of this connectivity was found for a boundary."""
 
 
 def corner_triangles(triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """Triangles (n, 3) whose positive areas make triangles and quads valid: quads by their four corners."""
-    q = quads
-    corners = [q[:, [3, 0, 1]], q[:, [0, 1, 2]], q[:, [1, 2, 3]], q[:, [2, 3, 0]]]
-    return np.vstack([triangles, *corners])
+    """Triangles (n, 3) whose positive areas make triangles, and quads at each corner, valid."""
+    corners = ([3, 0, 1], [0, 1, 2], [1, 2, 3], [2, 3, 0])
+    return np.vstack([triangles, *(quads[:, three] for three in corners)])
 
 
 class Morph:
     """Symmetric Dirichlet energy of a planar mesh relative to the shape it was built in."""
 
-    def __init__(
-        self, rest: np.ndarray, triangles: np.ndarray, fixed: np.ndarray, weight_power: float = 1.0
-    ) -> None:
+    def __init__(self, rest: np.ndarray, triangles: np.ndarray, fixed: np.ndarray) -> None:
         """`rest` (node, 2) m; `fixed` (node, 2) bool: coordinates that are prescribed.
 
-        Each triangle weighs area^(1 - weight_power): with 1 small cells are as stiff as large ones.
+        All triangles weigh the same: small cells are as stiff as large ones.
         """
         self.triangles = triangles
-        edges = _edges(rest, triangles)
-        area = 0.5 * (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
-        if (area <= 0).any():
+        a, b, c = rest[triangles].swapaxes(0, 1)
+        edges = np.stack([b - a, c - a], axis=-1)
+        if (_determinant(edges) <= 0).any():
             raise MorphError("the mesh is inverted as built")
         inverse = np.linalg.inv(edges)  # F = (edge vectors now) (edge vectors at rest)^-1
-        scale = area ** (1 - weight_power)
-        self.weight = scale / scale.mean()
         # dF/dx as a (triangle, 3 corners, 2) gradient: F_ij = sum_a x_a,i g_a,j
         g12 = inverse.transpose(0, 2, 1)
         self.gradient = np.stack([-g12[..., 0] - g12[..., 1], g12[..., 0], g12[..., 1]], axis=1)
@@ -53,7 +49,7 @@ class Morph:
         self.size = rest.size
         dof = (2 * triangles[:, :, None] + np.arange(2)).reshape(len(triangles), 6)
         self._dof = dof
-        # the Hessian's pattern is always the same: where each triangle's entries go, and which are of free coordinates
+        # the Hessian's pattern: where each triangle's entries go, and which are free coordinates
         key = np.tile(dof, (1, 6)).ravel() * self.size + np.repeat(dof, 6, axis=1).ravel()
         key, self._place = np.unique(key, return_inverse=True)
         self._columns, self._rows = np.divmod(key, self.size)
@@ -62,7 +58,6 @@ class Morph:
         number = np.cumsum(self.free) - 1
         self._free_rows, columns = (number[k[self._of_free]] for k in (self._rows, self._columns))
         self._free_start = np.searchsorted(columns, np.arange(self.free.sum() + 1))
-        self.length = float(np.sqrt(np.median(area)))
 
     def deformation(self, nodes: np.ndarray) -> np.ndarray:
         """Deformation gradient F (triangle, 2, 2)."""
@@ -73,22 +68,22 @@ class Morph:
         return bool((_determinant(self.deformation(nodes)) > 0).all())
 
     def energy(self, nodes: np.ndarray) -> float:
-        """Weighted sum of ½(|F|² + |F⁻¹|²); infinite where a triangle is turned over."""
+        """Sum of ½(|F|² + |F⁻¹|²); infinite where a triangle is turned over."""
         deformation = self.deformation(nodes)
         det = _determinant(deformation)
         if (det <= 0).any():
             return float("inf")
         square = (deformation**2).sum((1, 2))
-        return float((self.weight * 0.5 * square * (1 + 1 / det**2)).sum())
+        return float((0.5 * square * (1 + 1 / det**2)).sum())
 
     def derivatives(
         self, nodes: np.ndarray, exact: bool = False
     ) -> tuple[np.ndarray, sp.csc_matrix]:
-        """Gradient (2·node,) and Hessian of the energy: the `exact` one, or made positive semi-definite."""
+        """Gradient (2·node,) and Hessian of the energy, `exact` or made positive semi-definite."""
         u, s, v = _svd(self.deformation(nodes))
         s1, s2 = s[:, 0], s[:, 1]
         first = s - 1 / s**3
-        stress = np.matmul(u * (self.weight[:, None] * first)[:, None, :], v.transpose(0, 2, 1))
+        stress = np.matmul(u * first[:, None, :], v.transpose(0, 2, 1))
         force = np.matmul(self.gradient, stress.transpose(0, 2, 1))
         gradient = np.bincount(self._dof.ravel(), force.reshape(len(s), 6).ravel(), self.size)
         stretch = 1 + 3 / s**4
@@ -97,34 +92,27 @@ class Morph:
         if not exact:
             twist = np.maximum(twist, 0)
         flip = 1 + (s1**2 + s1 * s2 + s2**2) / product
-        value = self.weight[:, None] * np.column_stack([stretch[:, 0], stretch[:, 1], twist, flip])
+        value = np.column_stack([stretch, twist, flip])
         along = np.matmul(self.gradient, v)  # (triangle, corner, singular direction)
-        mode = np.empty(
-            (len(s), 4, 3, 2)
-        )  # dF of unit size in each eigenmode, as a change of the corners
-        mode[:, 0], mode[:, 1] = (along[:, :, None, k] * u[:, None, :, k] for k in (0, 1))
-        one, other = (
-            along[:, :, None, 0] * u[:, None, :, 1],
-            along[:, :, None, 1] * u[:, None, :, 0],
-        )
-        mode[:, 2], mode[:, 3] = (one - other) / np.sqrt(2), (one + other) / np.sqrt(2)
-        flat = mode.reshape(len(s), 4, 6)
+        pairs = [
+            along[:, :, None, i] * u[:, None, :, j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))
+        ]
+        one, other = pairs[2:]
+        pairs[2:] = (one - other) / np.sqrt(2), (one + other) / np.sqrt(2)
+        # dF of unit size in each eigenmode, as a change of the corners
+        flat = np.stack(pairs, 1).reshape(len(s), 4, 6)
         local = np.matmul((flat * value[:, :, None]).transpose(0, 2, 1), flat)
         entries = np.bincount(self._place, local.ravel())
-        return gradient, sp.csc_matrix(
-            (entries, self._rows, self._start), shape=(self.size, self.size)
-        )
+        return gradient, sp.csc_matrix((entries, self._rows, self._start), [self.size] * 2)
 
     def _solve(self, hessian: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
         """Free coordinates x of H x = right, the prescribed ones being 0."""
-        count = len(self._free_start) - 1
-        matrix = sp.csc_matrix(
-            (hessian.data[self._of_free], self._free_rows, self._free_start), shape=(count, count)
-        )
+        entries = hessian.data[self._of_free], self._free_rows, self._free_start
+        symmetric = {"SymmetricMode": True}
         return splu(
-            matrix,
+            sp.csc_matrix(entries, [len(self._free_start) - 1] * 2),
             permc_spec="MMD_AT_PLUS_A",
-            options={"SymmetricMode": True},
+            options=symmetric,
             diag_pivot_thresh=0.0,
         ).solve(right)
 
@@ -132,13 +120,13 @@ class Morph:
         """Nodes of least energy with the fixed coordinates as in `nodes`, which must be valid."""
         nodes, exact = nodes.copy(), True
         energy = self.energy(nodes)
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(_MAX_ITERATIONS):
             gradient, hessian = self.derivatives(nodes, exact)
             step = np.zeros(self.size)
             step[self.free] = -self._solve(hessian, gradient[self.free])
             slope = gradient @ step
             move = step.reshape(-1, 2)
-            if 0 <= -slope < GRADIENT_TOLERANCE**2 * max(energy, 1.0):
+            if 0 <= -slope < _GRADIENT_TOLERANCE**2 * max(energy, 1.0):
                 return nodes + move  # Newton's last step squares the error that is left
             if exact and not self.energy(nodes + move) <= energy + 1e-4 * slope < energy:
                 exact = False  # too far from the minimum for Newton's own step
@@ -154,9 +142,9 @@ class Morph:
     def follow(
         self, nodes: np.ndarray, boundary: Callable[[float], np.ndarray], start: float, goal: float
     ) -> np.ndarray:
-        """Carry a relaxed mesh from boundary(start) to boundary(goal), in as many steps as validity needs.
+        """Carry a relaxed mesh from boundary(start) to boundary(goal), in steps that keep it valid.
 
-        `boundary(q)` returns (node, 2) positions of which the fixed coordinates are used. Raises MorphError.
+        The fixed coordinates of `boundary(q)`, (node, 2), are used. Raises MorphError.
         """
         at, step = start, goal - start
         while abs(goal - at) > 1e-12 * max(abs(goal), abs(start), 1e-30):
@@ -171,7 +159,7 @@ class Morph:
         return nodes
 
     def _predict(self, nodes: np.ndarray, target: np.ndarray) -> np.ndarray | None:
-        """First guess for moved boundaries: the linear response of the relaxed mesh; None where it inverts."""
+        """The linear response of the relaxed mesh to moved boundaries; None where it inverts."""
         _, hessian = self.derivatives(nodes, exact=True)
         free, move = self.free, (target - nodes).ravel()
         move[free] = 0.0
@@ -181,19 +169,14 @@ class Morph:
         return trial if shrink.min() > 0.1 else None
 
 
-def _edges(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = (nodes[triangles[:, k]] for k in range(3))
-    return np.stack([b - a, c - a], axis=-1)
-
-
 def _determinant(f: np.ndarray) -> np.ndarray:
     return f[:, 0, 0] * f[:, 1, 1] - f[:, 0, 1] * f[:, 1, 0]
 
 
 def _svd(f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotation-variant SVD of 2x2 matrices in closed form: F = U diag(s) V^T with s1 >= s2 > 0 for det F > 0."""
-    e, h = 0.5 * (f[:, 0, 0] + f[:, 1, 1]), 0.5 * (f[:, 1, 0] - f[:, 0, 1])
-    g, k = 0.5 * (f[:, 0, 0] - f[:, 1, 1]), 0.5 * (f[:, 1, 0] + f[:, 0, 1])
+    """SVD of 2x2 matrices with det F > 0: F = U diag(s) V^T, rotations, s1 >= s2 > 0."""
+    a, b, c, d = f.reshape(-1, 4).T
+    e, h, g, k = 0.5 * (a + d), 0.5 * (c - b), 0.5 * (a - d), 0.5 * (c + b)
     q, r = np.hypot(e, h), np.hypot(g, k)
     a1, a2 = np.arctan2(k, g), np.arctan2(h, e)
     left, right = 0.5 * (a2 + a1), 0.5 * (a2 - a1)

@@ -11,39 +11,51 @@ import numpy as np
 from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
 
-GROWTH = 0.3  # of the cell size with the distance from a gap, where mesh.wall_grading says nothing
-LEAST_SINE = (
-    0.45  # of a corner of a quadrilateral; those with a sharper or flatter one are split in two
-)
-BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
+_GROWTH = 0.3  # of the cell size with the distance from a gap, where mesh.wall_grading says nothing
+_LEAST_SINE = 0.45  # of a quadrilateral's corners: others are split in two
+_BIN = 1.25  # points in gaps are taken together where their sizes differ by less than this factor
+
+
+_THRESHOLD = ("InField", "SizeMin", "SizeMax", "DistMin", "DistMax")
+_OPTIONS = {
+    "General.Terminal": 0,
+    "Mesh.Algorithm": 6,
+    "Mesh.RandomSeed": 1,
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MeshSizeFromPoints": 0,
+}
 
 
 @dataclass(frozen=True)
 class Triangles:
-    """Nodes (node, 2) m, first the rim's, then the wall's; triangles, 1 in `inside` for those within the wall; quads of the water."""
+    """Nodes (node, 2) m, first the rim's, then the wall's; triangles, and quads of the water."""
 
     nodes: np.ndarray
     triangles: np.ndarray
     quads: np.ndarray
-    inside: np.ndarray
+    inside: np.ndarray  # (triangle,) 1 within the wall
     outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
     on_bodies: np.ndarray  # nodes of the outlines of bodies
 
 
-def triangulate(wall: np.ndarray, rim: np.ndarray, box: tuple[float, float, float], mesh: Mesh,
-                path: np.ndarray, bodies: list[np.ndarray], gaps: tuple[np.ndarray, np.ndarray]) -> Triangles:  # fmt: skip
-    """Mesh a tank with sides `box` (left, right, depth) around and within closed polygons rim and wall.
+def triangulate(
+    wall: np.ndarray,
+    rim: np.ndarray,
+    box: tuple[float, float, float],
+    mesh: Mesh,
+    path: np.ndarray,
+    bodies: list[np.ndarray],
+    gaps: tuple[np.ndarray, np.ndarray],
+) -> Triangles:
+    """Mesh a tank `box` (left, right, depth) around the polygon rim and within the polygon wall.
 
-    `bodies`: polylines that the triangles follow; a closed one repeats its first point, an open one ends on the right
-    side. `gaps`: points (n, 2) in narrow gaps and the size (n,) of cells about them, m.
+    `bodies`: polylines that the triangles follow; a closed one repeats its first point, an open one
+    ends on the right side. `gaps`: points (n, 2) in narrow gaps and cell sizes (n,) there, m.
     """
     gmsh.initialize(interruptible=False)
     try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
-        gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+        for name, value in _OPTIONS.items():
+            gmsh.option.setNumber(name, value)
         rim_lines, wall_lines = _polygon(rim), _polygon(wall)
         box_lines, body_lines = _outer_lines(box, bodies)
         geo = gmsh.model.geo
@@ -80,13 +92,7 @@ def _outer_lines(
     geo = gmsh.model.geo
     ends = [line[k] for line in bodies if not (line[0] == line[-1]).all() for k in (0, -1)]
     heights = sorted(float(y) for _, y in ends)
-    corners = [
-        (left, 0.0),
-        (right, 0.0),
-        *((right, y) for y in heights),
-        (right, depth),
-        (left, depth),
-    ]
+    corners = [(left, 0.0), *((right, y) for y in (0.0, *heights, depth)), (left, depth)]
     tags = [geo.addPoint(x, y, 0) for x, y in corners]
     outer = [geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
     on_side = dict(zip(heights, tags[2:], strict=False))
@@ -127,7 +133,7 @@ def _collect(
     new = np.full(len(xy), -1)
     new[order] = np.arange(len(order))
     nodes = xy[order]
-    quads, split = split_bad_quads(nodes, _turned(nodes, new[water_cells[1]]))
+    quads, split = _split_bad_quads(nodes, _turned(nodes, new[water_cells[1]]))
     triangles = np.vstack([new[water_cells[0]], split, new[footprint_cells[0]]])
     inside = np.repeat([0, 1], [len(water_cells[0]) + len(split), len(footprint_cells[0])])
     on_bodies = np.unique([n for line in body_lines for n in ends(line)]).astype(int)
@@ -140,7 +146,7 @@ def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarr
     """Triangles (n, 3) and quadrilaterals (n, 4) of a surface; `position` of gmsh's node tags."""
     kinds, _, members = gmsh.model.mesh.getElements(2, surface)
     elements = {
-        int(kind): np.array([position[t] for t in tags.tolist()])
+        kind: np.array([position[t] for t in tags.tolist()])
         for kind, tags in zip(kinds, members, strict=True)
     }
     if not elements or not elements.keys() <= {2, 3}:
@@ -158,15 +164,15 @@ def _turned(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.where(area[:, None] < 0, cells[:, ::-1], cells)
 
 
-def split_bad_quads(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Quads (n, 4), counter-clockwise, all of whose corners have a sine of LEAST_SINE or more; the halves of the others (n, 3)."""
+def _split_bad_quads(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Counter-clockwise quads whose corners have a sine of _LEAST_SINE; halves of the others."""
     area, ahead, behind = _corners(nodes, quads)
-    bad = (area / (ahead * behind)).min(axis=1, initial=1.0) < LEAST_SINE
+    bad = (area / (ahead * behind)).min(axis=1, initial=1.0) < _LEAST_SINE
     return quads[~bad], halves(nodes, quads[bad])
 
 
 def halves(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
-    """Triangles (2 n, 3) of quads (n, 4), each split along the diagonal that leaves the larger smallest area."""
+    """Triangles (2 n, 3) of quads (n, 4), split so that the smaller half is large."""
     area, _, _ = _corners(nodes, quads)
     # the halves of diagonal 0-2 are the triangles at corners 1 and 3
     turn = area[:, [0, 2]].min(axis=1) > area[:, [1, 3]].min(axis=1)
@@ -175,7 +181,7 @@ def halves(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
 
 
 def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """At each corner (n, 4): twice the area of the triangle with its two edges, and the lengths of these."""
+    """At each corner (n, 4): twice the area spanned by its two edges, and their lengths."""
     corner = nodes[quads]
     ahead, behind = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
     area = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
@@ -185,7 +191,7 @@ def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _size_field(
     walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh
 ) -> None:
-    """Cell size growing from the walls, and from the tip's path, to that of the far water; `size` at points `narrow`."""
+    """Cell size growing from the walls and the tip's path; `size` at points `narrow`."""
     fields = gmsh.model.mesh.field
 
     def graded(kind: str, members: list[int], size: float, near: float, far: float) -> int:
@@ -193,20 +199,18 @@ def _size_field(
         fields.setNumbers(distance, kind, members)
         fields.setNumber(distance, "Sampling", 2)
         threshold = fields.add("Threshold")
-        fields.setNumber(threshold, "InField", distance)
-        fields.setNumber(threshold, "SizeMin", size)
-        fields.setNumber(threshold, "SizeMax", mesh.far_cell)
-        fields.setNumber(threshold, "DistMin", near)
-        fields.setNumber(threshold, "DistMax", far)
+        values = distance, size, mesh.far_cell, near, far
+        for key, value in zip(_THRESHOLD, values, strict=True):
+            fields.setNumber(threshold, key, value)
         return threshold
 
     reach = mesh.near_distance + 5 * mesh.far_cell
     parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, mesh.wall_distance, reach)]
     parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, reach))
-    bins, points = np.round(np.log(size) / np.log(BIN)), np.array(narrow)
+    bins, points = np.round(np.log(size) / np.log(_BIN)), np.array(narrow)
     for chosen in np.unique(bins):
-        least = float(BIN**chosen)
-        far = least + (mesh.far_cell - least) / (mesh.wall_grading or GROWTH)
+        least = float(_BIN**chosen)
+        far = least + (mesh.far_cell - least) / (mesh.wall_grading or _GROWTH)
         parts.append(graded("PointsList", points[bins == chosen].tolist(), least, least, far))
     smallest = fields.add("Min")
     fields.setNumbers(smallest, "FieldsList", parts)

@@ -1,4 +1,4 @@
-"""The ring of quadrilaterals around the finger: where nodes lie on its outline, and the layers that follow it."""
+"""The ring of quadrilaterals around the finger: nodes on its outline, and layers beyond."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 
 from pipeline.scene.sections import Mesh
 
-# In a narrow gap between the finger and something else, as shares of the gap's width: size of a cell along the walls, and what
-# the ring may take. With two rows of triangles in the other half, and the layers of the ring, four cells or more span it.
+# Shares of the width of a narrow gap: size of a cell along the walls, and height of the ring. With
+# two rows of triangles in the other half, and the layers of the ring, four cells or more span it.
 GAP_CELL = 0.3
-GAP_RING = 0.5
+_GAP_RING = 0.5
 
-Clearance = Callable[
-    [np.ndarray], np.ndarray
-]  # points (n, 2) -> distance to what is near the finger (n,), m
+# points (n, 2) -> distance to what is near the finger (n,), m
+Clearance = Callable[[np.ndarray], np.ndarray]
 
 
 def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
@@ -27,9 +26,9 @@ def outline_at(outline: np.ndarray, material: np.ndarray) -> np.ndarray:
 
 
 def spread(line: np.ndarray, size: Callable[[np.ndarray], np.ndarray], least: int) -> np.ndarray:
-    """Fractional point indices along an open polyline (point, 2), both ends included, `size` (m) apart.
+    """Fractional point indices along an open polyline (point, 2), both ends included.
 
-    `size` maps points (n, 2) to wanted distances; at least `least` intervals are made.
+    `size` maps points (n, 2) to wanted distances (m); at least `least` intervals are made.
     """
     walk = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     fine = np.linspace(0, walk[-1], 20 * (len(line) - 1) + 1)
@@ -44,7 +43,10 @@ def spread(line: np.ndarray, size: Callable[[np.ndarray], np.ndarray], least: in
 def wall_nodes(
     outline: np.ndarray, tip: np.ndarray, mesh: Mesh, clearance: Clearance
 ) -> np.ndarray:
-    """Fractional point indices along a closed outline: `tip_cell` apart near the tip (or tips), `wall_cell` elsewhere, less in gaps."""
+    """Fractional point indices along a closed outline.
+
+    They are `tip_cell` apart near the tip (or tips), `wall_cell` elsewhere, less in gaps.
+    """
 
     def size(points: np.ndarray) -> np.ndarray:
         distance = np.min([np.hypot(*(points - end).T) for end in np.atleast_2d(tip)], axis=0)
@@ -56,18 +58,15 @@ def wall_nodes(
 
 
 def ring_layers(wall: np.ndarray, mesh: Mesh, clearance: Clearance) -> list[np.ndarray]:
-    """Closed polygons from the wall outwards; smoothed normals keep neighbouring spokes from crossing.
-
-    The ring is thinner where the clearance is small.
-    """
-    ahead, behind = np.roll(wall, -1, axis=0), np.roll(wall, 1, axis=0)
-    edge = ahead - behind
+    """Closed polygons from the wall outwards, thinner where the clearance is small."""
+    edge = np.roll(wall, -1, axis=0) - np.roll(wall, 1, axis=0)
     normal = np.column_stack([edge[:, 1], -edge[:, 0]])  # outwards of a counter-clockwise polygon
     normal /= np.hypot(*normal.T)[:, None]
     heights = np.cumprod([mesh.wall_first_layer, *[mesh.wall_growth] * (mesh.wall_layers - 1)])
-    thin = np.minimum(1.0, GAP_RING * clearance(wall) / heights.sum())[:, None]
+    thin = np.minimum(1.0, _GAP_RING * clearance(wall) / heights.sum())[:, None]
     layers = [wall]
     for height in heights:
+        # smoothed normals keep neighbouring spokes from crossing
         normal = normal + 0.5 * (np.roll(normal, 1, axis=0) + np.roll(normal, -1, axis=0))
         normal /= np.hypot(*normal.T)[:, None]
         layers.append(layers[-1] + height * thin * normal)
