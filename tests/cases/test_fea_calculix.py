@@ -1,4 +1,4 @@
-"""The whole finger by CalculiX itself, three chambers long, and what is said where it cannot run."""
+"""The whole finger by CalculiX, three chambers long, and the errors where it cannot run."""
 
 import shutil
 from pathlib import Path
@@ -49,7 +49,7 @@ def test_inner_chamber_turns_as_the_unit_cell_does(tmp_path):
     middles = (middles[1:] + middles[:-1]) / 2
     gaps = [k * ACTUATOR.pitch - ACTUATOR.gap / 2 for k in (1, 2)]
     turn = np.diff(np.interp(gaps, middles, heading))[0]
-    # The one chamber between two gaps feels both ends of so short a finger; of eight chambers it is within 1 %.
+    # the ends of so short a finger matter; with eight chambers it is within 1 %
     assert turn == pytest.approx(expected, rel=0.08)
     assert fit_circle(states.profile[-1])[0] == pytest.approx(states.radius[-1], rel=0.02)
 

@@ -174,13 +174,16 @@ def _foreign_files(project: Path, wanted: Path, folder: Path, stages: list[str])
 
 def _solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     """No OpenFOAM, and one that is too old."""
-    empty, old = folder / "no-foam", folder / "old-foam"
-    empty.mkdir(exist_ok=True)
-    old.mkdir(exist_ok=True)
+    none, old = folder / "no-foam", folder / "old-foam"
+    for path in (none, old):
+        path.mkdir()
+    for path in Path("/usr/bin").iterdir():
+        if path.name != "pimpleFoam":
+            (none / path.name).symlink_to(path)
     program = "#!/bin/sh\necho 'Using: OpenFOAM- (1806) - visit www.openfoam.com'\n"
     (old / "pimpleFoam").write_text(program)
     (old / "pimpleFoam").chmod(0o755)
-    paths = {"OpenFOAM missing": str(empty), "OpenFOAM too old": f"{old}:/usr/bin:/bin"}
+    paths = {"OpenFOAM missing": str(none), "OpenFOAM too old": f"{old}:/usr/bin:/bin"}
     for condition, path in paths.items():
         undo(project, "run")
         done = make(project, f"{SCENE}.run", PATH=path, WM_PROJECT_DIR="")
@@ -189,7 +192,7 @@ def _solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     undo(project, "run")
 
 
-def _odd_paths(wanted: Path, folder: Path) -> Iterator[Row]:
+def _odd_paths(sound: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     """A project in a folder with a space, which OpenFOAM cannot read, and with other letters."""
     for condition, name, allowed in (
         ("letters beyond ASCII in the path", "Größe-測定", "completed"),
@@ -210,7 +213,7 @@ def _odd_paths(wanted: Path, folder: Path) -> Iterator[Row]:
         for stage in ("piv", "vortices"):
             (out / PRODUCTS[stage][-1]).unlink()
         files = [str(out / "images.h5"), "-o", str(out / "piv.h5")]
-        settings = ["--settings", str(out / "settings" / "piv.json"), "--quiet"]
+        settings = ["--settings", str(out_of(sound) / "settings" / "piv.json"), "--quiet"]
         run = [".venv/bin/python", "-m", "piv", "correlate", *files, *settings]
         done = subprocess.run(run, cwd=project, capture_output=True, text=True, check=False)
         row = _outcome(condition, "piv", done, folder, "completed")
@@ -254,5 +257,5 @@ def all_conditions(project: Path, wanted: Path, folder: Path, stages: list[str])
     yield from _solvers(project, wanted, folder)
     yield from disks(project, wanted, folder, stages)
     yield from _foreign_files(project, wanted, folder, stages)
-    yield from _odd_paths(wanted, folder)
+    yield from _odd_paths(project, wanted, folder)
     yield from twice(project, wanted, folder, stages)
