@@ -165,7 +165,7 @@ def test_page_figure_and_results_that_can_be_chosen_from(tmp_path):
     path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
     settings, head = read_results(path)
     assert head["probe"] == {"solver": 0.5, "images": 0.2}
-    assert "best_error" not in head  # of one level alone it cannot be told
+    assert "best_error" not in head  # one level alone does not give it
     table.loc[table["run"] == "medium", "error"] = 0.06
     path.write_text(results_text(table, "medium", {"solver": 0.5, "images": 0.2}))
     _, head = read_results(path)
