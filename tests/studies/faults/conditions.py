@@ -1,4 +1,4 @@
-"""Full disks, folders without write permission, odd paths, foreign files, OpenFOAM, two makes."""
+"""Full disks, folders without write permission, odd paths, no OpenFOAM, two makes at once."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-
-import h5py
 
 from tests.studies.faults.kill import Row, undo
 from tests.studies.faults.piv_commands import piv_commands
@@ -28,17 +26,6 @@ from tests.studies.faults.project import (
 ROOM = 12  # KiB left on a full disk: no stage's results fit
 ROOM_OF_RUN = 820  # KiB: the solver reaches its time steps
 HALF_OF_RUN = 2000  # KiB: and the first time that it saves them
-FIRST_INPUT = {  # of each stage
-    "mesh": "kinematics.h5",
-    "case": "planform.h5",
-    "run": "sweep.h5",
-    "sheet": "kinematics.h5",
-    "images": "sheet.h5",
-    "piv": "images.h5",
-    "vortices": "piv.h5",
-    "compare": "sheet.h5",
-    "figures": "piv.h5",
-}
 
 
 def _outcome(
@@ -142,36 +129,6 @@ def disks(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Itera
         disk.__exit__()
 
 
-def _foreign_files(project: Path, wanted: Path, folder: Path, stages: list[str]) -> Iterator[Row]:
-    """A file of an earlier stage cut to half, of another format, or no HDF5 at all."""
-    other = folder / "other.h5"
-    with h5py.File(other, "w") as file:
-        file.attrs["format"] = "something else"
-        file["values"] = [1.0, 2.0]
-    for stage in [s for s in stages if s in FIRST_INPUT]:
-        path = out_of(project) / FIRST_INPUT[stage]
-        undo(project, stage)
-        content, times = path.read_bytes(), path.stat()
-
-        def put(content: bytes, path: Path = path, times: os.stat_result = times) -> None:
-            path.write_bytes(content)
-            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
-
-        for condition, damaged in (
-            ("half of the file before", content[: len(content) // 2]),
-            ("foreign HDF5", other.read_bytes()),
-            ("no HDF5", b"MATLAB 5.0 MAT-file" * 20),
-        ):
-            put(damaged)
-            done = make(project, f"{SCENE}.{stage}")
-            put(content)
-            row = _outcome(f"{condition}: {path.name}", stage, done, folder, "refused")
-            yield row
-        after = _afterwards(project, wanted, stage)
-        if after != "as undisturbed":
-            yield row | {"afterwards": after}
-
-
 def _solvers(project: Path, wanted: Path, folder: Path) -> Iterator[Row]:
     """No OpenFOAM, and one that is too old."""
     none, old = folder / "no-foam", folder / "old-foam"
@@ -256,6 +213,5 @@ def all_conditions(project: Path, wanted: Path, folder: Path, stages: list[str])
     folder = folder.resolve()
     yield from _solvers(project, wanted, folder)
     yield from disks(project, wanted, folder, stages)
-    yield from _foreign_files(project, wanted, folder, stages)
     yield from _odd_paths(project, wanted, folder)
     yield from twice(project, wanted, folder, stages)
