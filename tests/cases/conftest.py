@@ -1,52 +1,73 @@
-"""A copy of the project in which scenes are made."""
+"""A copy of the project in which scenes are made, and readers of runs."""
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tests.conftest import ROOT
+from fileio.errors import StageError
+from pipeline.run import guards
+from pipeline.run import stage as run_stage
+from pipeline.scene.scene import Scene, load_scene
 from tests.inner_make import inner_environment
-
-PARTS = (
-    "Makefile",
-    "requirements.lock",
-    "pyproject.toml",
-    "cases",
-    "fileio",
-    "pipeline",
-    "piv",
-    "postprocess",
-)
+from tests.studies.faults.project import copy_project
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project without results, with this environment linked in; what numba has compiled comes along."""
-    folder = tmp_path_factory.mktemp("project")
-    for part in PARTS:
-        source = ROOT / part
-        if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("out"))
-        else:
-            shutil.copy2(source, folder / part)
-    (folder / ".venv").symlink_to(ROOT / ".venv")
-    return folder
+    """A copy of the project without results."""
+    return copy_project(tmp_path_factory.mktemp("project"))
 
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
-    """The make that a user would type, at level smoke."""
-    command = [
-        "make",
-        "--no-print-directory",
-        "LEVEL=smoke",
-        "QUIET=1",
-        "READY=Makefile",
-        *arguments,
-    ]
+    """Run a user's make at level smoke."""
+    options = ("--no-print-directory", "LEVEL=smoke", "QUIET=1", "READY=Makefile")
+    command, environment = ["make", *options, *arguments], inner_environment()
     return subprocess.run(
-        command, cwd=project, capture_output=True, text=True, check=False, env=inner_environment()
+        command, cwd=project, capture_output=True, text=True, check=False, env=environment
     )
+
+
+def copy_of(scene: Scene, folder: Path) -> Scene:
+    """The same prepared scene in another folder."""
+    shutil.copytree(scene.folder, folder, symlinks=True)
+    return load_scene(folder, scene.level)
+
+
+def table(scene: Scene, name: str = "forces") -> np.ndarray:
+    """A table of a run."""
+    return np.loadtxt(scene.out / "run" / f"{name}.csv", delimiter=",", skiprows=1)
+
+
+def record(scene: Scene) -> dict:
+    """run.json."""
+    return json.loads((scene.out / "run" / "run.json").read_text())
+
+
+def force_difference(scene: Scene, other: Scene) -> float:
+    """Largest difference of the forces in the plane, over the largest force."""
+    one, two = table(scene), table(other)
+    assert one[:, 0] == pytest.approx(two[:, 0])
+    return np.abs(one[:, 1:3] - two[:, 1:3]).max() / np.abs(one[:, 1:3]).max()
+
+
+@pytest.fixture
+def stop_at(monkeypatch):
+    """A function that runs a scene until a guard stops it at a time (s)."""
+
+    def stop(scene: Scene, at: float, **options) -> None:
+        class Stop(guards.Guard):
+            def verdict(self, line):
+                return super().verdict(line) or ("test" if self.time >= at else None)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(guards, "Guard", Stop)
+            with pytest.raises(StageError, match="by a guard: test"):
+                run_stage.run(scene, quiet=True, **options)
+
+    return stop

@@ -1,6 +1,6 @@
-"""A cylinder on a spring in still water, equally heavy, by the coupling's own iteration over whole runs of the stages.
+"""A cylinder on a spring in water at rest, of the same density, by the coupling's own iteration.
 
-The chain stands for it: one rigid slice, so long that its swing about the clamp is a displacement, on one spring.
+It is a chain of one rigid slice, so long that its turn about the clamp is a displacement.
 """
 
 import re
@@ -35,24 +35,22 @@ MODEL = Surroundings(fluid=1.0, added_mass=1.0, drag=0.01)
 
 
 def cylinder():
-    """Of a diameter of 1 m and the water's density, its spring for DRY_PERIOD."""
+    """A cylinder of 1 m and the water's density, with a spring for DRY_PERIOD."""
     still = np.zeros((3, 5))  # at three pressures, at five points
     profile = np.stack([still + np.linspace(0, LENGTH, 5), still], axis=-1)
     mass = np.pi / 4
     stiffness = 0.5 * LENGTH * mass * LENGTH * (0.5 * LENGTH) ** 2 * (2 * np.pi / DRY_PERIOD) ** 2
     # rubber in the whole of the square section: no water in gaps; its mass is the circle's
-    law = replace(
-        constant_law(stiffness, 0.5, 3), rubber_mass=mass, rubber_section=1.0, rubber_height=0.5
-    )
+    rubber = {"rubber_mass": mass, "rubber_section": 1.0, "rubber_height": 0.5}
+    law = replace(constant_law(stiffness, 0.5, 3), **rubber)
     return Chain(States(np.array([-1.0, 0.0, 1.0]), profile, still + 1.0), law, 1.0)
 
 
 def water_force(folder, time, path):
     """Force (time,) N/m of the water on the cylinder that moves as `path` (time,) m."""
     folder.mkdir()
-    np.savetxt(
-        folder / "path.csv", np.column_stack([time, path]), delimiter=",", header="t,x", comments=""
-    )
+    rows = np.column_stack([time, path])
+    np.savetxt(folder / "path.csv", rows, delimiter=",", header="t,x", comments="")
     text = (CASES / "accelerating_cylinder" / "scene.toml").read_text()
     text = re.sub(r"displacement = .*", 'path_csv = "path.csv"', text)
     text = re.sub(r"end_time = [\d.]+", f"end_time = {time[-1]}", text)
@@ -86,7 +84,7 @@ def test_period_and_contraction(tmp_path):
         after = next_delta(chain, pressure, STEP, MODEL, delta, loads)
         changes.append(np.abs(path(after) - path(delta)).max() / REST)
         delta = after
-    # a contraction of 0.1 a run is what a usable coupling needs; the added mass alone is known to 4 % on this mesh
+    # a usable coupling contracts by 0.1 a run; this mesh gives the added mass to 4 %
     assert changes[1] < 0.1 * changes[0]
     assert changes[2] < 0.1 * changes[1]
     fit, _ = curve_fit(swing, time[8:], path(delta)[8:], [REST, 2**0.5 * DRY_PERIOD, 0.1, 0.02])
@@ -100,7 +98,7 @@ def swing(time, rest, period, decay, late):
 
 
 def wet_over_dry():
-    """Of equal masses: added mass 1 + 4/√(πβ), β = D²/(ν T) (Stokes 1851; thin oscillating layer)."""
+    """Equal masses, added mass 1 + 4/√(πβ), β = D²/(ν T) (Stokes 1851; thin layer)."""
     ratio = 2**0.5
     for _ in range(20):
         ratio = (2 + 4 * (np.pi / (VISCOSITY * ratio * DRY_PERIOD)) ** -0.5) ** 0.5

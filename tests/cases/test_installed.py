@@ -1,4 +1,4 @@
-"""The wheel, installed with its core dependencies only, does PIV from the command line and from Python."""
+"""The wheel with its core dependencies does PIV from the command line and from Python."""
 
 import os
 import subprocess
@@ -27,23 +27,21 @@ assert not present, present
 
 
 def run(*command, cwd):
-    """Output of a command that must end well, outside the checkout."""
+    """Output of a command outside the checkout, which must succeed."""
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    done = subprocess.run(
-        [*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True
-    )
+    options = {"cwd": cwd, "env": environment, "capture_output": True, "text": True}
+    done = subprocess.run([*map(str, command)], **options)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """The wheel; skipped where the package index, from which its backend comes, is out of reach."""
+    """The wheel; skipped where the package index, which has its backend, is out of reach."""
     folder = tmp_path_factory.mktemp("wheel")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
-    if subprocess.run(
-        [*pip, "download", "-q", "--no-deps", "-d", folder / "backend", "hatchling"]
-    ).returncode:
+    backend = ["download", "-q", "--no-deps", "-d", folder / "backend", "hatchling"]
+    if subprocess.run([*pip, *backend]).returncode:
         pytest.skip("the package index cannot be reached")
     run(*pip, "wheel", "-q", "--no-deps", "-w", folder, ROOT, cwd=folder)
     return next(folder.glob("*.whl"))
@@ -81,8 +79,8 @@ def pair(tmp_path_factory):
 def test_console_script(installed, pair):
     assert run(installed / "piv", "--version", cwd=pair).startswith("piv ")
     run(installed / "piv", "correlate", "0.png", "1.png", "-o", "v.h5", "--quiet", cwd=pair)
-    said = run(installed / "piv", "vortices", "v.h5", "-o", "v.csv", cwd=pair)
-    assert int(said.split(": ")[1].split()[0]) >= 1
+    found = run(installed / "piv", "vortices", "v.h5", "-o", "v.csv", cwd=pair)
+    assert int(found.split(": ")[1].split()[0]) >= 1
     run(installed / "piv", "plot", "v.h5", "--vortices", "v.csv", "-o", "v.png", cwd=pair)
     run(installed / "piv", "convert", "v.h5", "-o", "v.vti", cwd=pair)
 
@@ -102,10 +100,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(wheel):
         names = set(file.namelist())
     packages = ("fileio", "piv", "pipeline", "postprocess")
     tracked = run("git", "ls-files", *packages, cwd=ROOT).split()
-    base = (
-        run("git", "ls-files", "cases/_base", cwd=ROOT)
-        .replace("cases/_base", "pipeline/openfoam/base")
-        .split()
-    )
+    base = run("git", "ls-files", "cases/_base", cwd=ROOT)
+    base = base.replace("cases/_base", "pipeline/openfoam/base").split()
     assert len(base) > 5
     assert not {*tracked, *base} - names

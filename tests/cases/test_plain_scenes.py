@@ -1,4 +1,4 @@
-"""Scenes that are a scene.toml in a folder of any name, and nothing else, from kinematics to report at level smoke."""
+"""A scene.toml alone, in a folder of any name, from kinematics to report at level smoke."""
 
 import json
 import shutil
@@ -63,19 +63,15 @@ tip_cell = {tip}
 near_cell = {near}
 far_cell = 0.04
 """
+LARGE_CELLS = {"wall": 3.5e-3, "first": 1.2e-3, "tip": 2.2e-3, "near": 5e-3}
+SMALL_CELLS = {"wall": 2e-3, "first": 0.7e-3, "tip": 1.5e-3, "near": 3e-3}
 NEAR_THE_BOTTOM = FINGER.format(
-    root="[0.0, 0.095]",
-    length=0.07,
-    thickness=0.0145,
-    wall=3.5e-3,
-    first=1.2e-3,
-    tip=2.2e-3,
-    near=5e-3,
+    root="[0.0, 0.095]", length=0.07, thickness=0.0145, **LARGE_CELLS
 ) + WATER.format(centre="[0.01, 0.045]")
 SMALL = FINGER.format(
-    root="[0.0, 0.2]", length=0.035, thickness=0.008, wall=2e-3, first=0.7e-3, tip=1.5e-3, near=3e-3
+    root="[0.0, 0.2]", length=0.035, thickness=0.008, **SMALL_CELLS
 ) + WATER.format(centre="[0.01, 0.18]")
-# by a name of no meaning, one with a dash and a capital, and one that says what it is not
+# names with a dash and a capital, and with the name of another scene
 SCENES = {"my_scene": CYLINDER, "Low-1": NEAR_THE_BOTTOM, "no_pinch": SMALL}
 
 
@@ -86,13 +82,12 @@ def test_a_scene_is_its_toml_alone(project, name):
     (folder / "scene.toml").write_text(SCENES[name])
     done = make(project, name, "QUIET=")
     assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
-    warned = [line for line in done.stdout.splitlines() if "0.1 m" in line]
-    assert len(warned) == (name == "Low-1")
+    warnings = [line for line in done.stdout.splitlines() if "0.1 m" in line]
+    assert len(warnings) == (name == "Low-1")
     out = folder / "out" / "smoke"
     comparison = json.loads((out / "comparison.json").read_text())
     assert {check["kind"] for check in comparison["checks"]} == {"agreement"}
-    title = SCENES[name].split('"')[1]
-    assert title in (out / "report.html").read_text()
+    assert SCENES[name].split('"')[1] in (out / "report.html").read_text()
 
 
 def test_a_finger_that_would_hit_the_bottom_is_refused(project):
@@ -100,8 +95,7 @@ def test_a_finger_that_would_hit_the_bottom_is_refused(project):
     folder.mkdir()
     (folder / "scene.toml").write_text(NEAR_THE_BOTTOM.replace("0.095", "0.065"))
     done = make(project, "deep")
-    told = [line for line in done.stderr.splitlines() if line.startswith("kinematics:")]
     assert done.returncode != 0
-    assert len(told) == 1
-    assert "hits the bottom" in told[0]
-    assert "raise finger.root" in told[0]
+    (sentence,) = (line for line in done.stderr.splitlines() if line.startswith("kinematics:"))
+    assert "hits the bottom" in sentence
+    assert "raise finger.root" in sentence

@@ -1,7 +1,7 @@
-"""The tutorials' own commands, run: what a page shows is what comes out, and their runs are shared.
+"""The tutorials' commands give what the pages show.
 
-Of a page, a block after a line that names a file is that file, `sh` and `python` blocks are run, and each line of another `text` block
-is in what the block before it printed, in order; `…` stands for anything.
+A block after a line that names a file is that file, `sh` and `python` blocks are run, and the lines
+of a `text` block are in the output of the block before it, in order; `…` stands for anything.
 """
 
 import json
@@ -14,27 +14,23 @@ from pathlib import Path
 
 import pytest
 
-from tests.cases.conftest import ROOT
+from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
 TUTORIALS = ROOT / "docs" / "tutorials"
 BLOCK = re.compile(r"(?m)^(?:`(?P<file>[^`\n]+)`:\n)?```(?P<kind>\w+)\n(?P<body>(?s:.*?))^```$")
-OPENFOAM = pytest.mark.skipif(
-    shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"
-)
 
 
 @pytest.fixture
 def clone(project, tmp_path):
-    """A project of its own, with the tutorials, as after a fresh clone."""
+    """A project with the tutorials, as after a fresh clone."""
     shutil.copytree(project, tmp_path / "clone", symlinks=True)
     shutil.copytree(TUTORIALS, tmp_path / "clone" / "docs" / "tutorials")
     return tmp_path / "clone"
 
 
 def run(command: list[str], folder: Path) -> str:
-    """What a command prints that must end well."""
-    # as conftest's make: the environment is there
+    """Output of a command, which must succeed; its make needs no set-up."""
     environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
     environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
     done = subprocess.run(
@@ -46,7 +42,7 @@ def run(command: list[str], folder: Path) -> str:
 
 
 def follow(page: str, folder: Path) -> int:
-    """Do what a page says; returns the number of its commands that run something."""
+    """Do the steps of a page; the number of its commands that run something."""
     printed, commands = "", 0
     text = (TUTORIALS / page).read_text(encoding="utf-8")
     for block in BLOCK.finditer(text):
@@ -86,7 +82,7 @@ def follow_notebook(name: str, folder: Path) -> None:
             expect("".join(output.get("text", "")).splitlines(), printed, name)
 
 
-def test_a_page_that_is_wrong_is_told(tmp_path):
+def test_a_wrong_page_is_found():
     expect(["a … c", "last"], "x\na b c\nlast\n", "page")
     for lines in (["last", "a b c"], ["a c"], ["b"]):
         with pytest.raises(AssertionError):
@@ -99,25 +95,17 @@ def test_piv_of_two_images_and_of_a_recording(clone):
 
 
 def test_the_command_piv_works_in_any_folder(tmp_path):
-    """As `make setup` leaves it, beside folders that are named like the project's own packages."""
+    """Beside folders with the names of the project's own packages."""
     (tmp_path / "piv").mkdir()
     (tmp_path / "piv" / "__init__.py").write_text("raise SystemExit('not this one')")
     frames = [str(TUTORIALS / "frames" / f"frame_{k}.png") for k in (0, 1)]
-    command = [
-        str(ROOT / ".venv" / "bin" / "piv"),
-        "correlate",
-        *frames,
-        "-o",
-        "pair.h5",
-        "--window",
-        "24",
-    ]
-    subprocess.run(command, cwd=tmp_path, env=inner_environment(), check=True)
+    command = [ROOT / ".venv" / "bin" / "piv", "correlate", *frames, "-o", "pair.h5"]
+    subprocess.run([*command, "--window", "24"], cwd=tmp_path, env=inner_environment(), check=True)
     assert (tmp_path / "pair.h5").is_file()
 
 
 def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
-    """In a clone of its own, in one whose environment is linked to it, through a link to the command, and after a move."""
+    """Also in a clone with a linked environment, through a link to the command, after a move."""
     one, two = tmp_path / "one", tmp_path / "two"
     for clone in (one, two):
         (clone / "piv").mkdir(parents=True)
@@ -128,20 +116,19 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
     (two / ".venv").symlink_to(one / ".venv")
     (tmp_path / "linked").symlink_to(one / ".venv" / "bin" / "piv")
 
-    def said(*command):
-        return subprocess.run(
-            command, cwd=tmp_path, capture_output=True, text=True, check=True
-        ).stdout.strip()
+    def output(*command):
+        options = {"cwd": tmp_path, "capture_output": True, "text": True, "check": True}
+        return subprocess.run(command, **options).stdout.strip()
 
-    assert said(one / ".venv" / "bin" / "piv") == "one"
-    assert said(two / ".venv" / "bin" / "piv") == "two"
-    assert said(two / ".venv" / "bin" / "python", "-c", "import piv; print(piv.name)") == "two"
-    assert said(tmp_path / "linked") == "one"
+    assert output(one / ".venv" / "bin" / "piv") == "one"
+    assert output(two / ".venv" / "bin" / "piv") == "two"
+    assert output(two / ".venv" / "bin" / "python", "-c", "import piv; print(piv.name)") == "two"
+    assert output(tmp_path / "linked") == "one"
     one.rename(tmp_path / "three")
-    assert said(tmp_path / "three" / ".venv" / "bin" / "piv") == "one"
+    assert output(tmp_path / "three" / ".venv" / "bin" / "piv") == "one"
 
 
-@OPENFOAM
+@pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed")
 @pytest.mark.openfoam
 @pytest.mark.slow
 def test_an_own_finger_its_recording_and_its_results(clone):

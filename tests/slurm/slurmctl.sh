@@ -1,6 +1,6 @@
 #!/bin/sh
-# A Slurm of one node for tests, in a folder of its own: slurmctl.sh start|stop FOLDER. Needs Debian's slurm-wlm, and root.
-# Prints the SLURM_CONF to export. Nothing outside FOLDER is written; only the daemons started here are stopped.
+# A Slurm of one node for tests: slurmctl.sh start|stop FOLDER. Needs Debian's slurm-wlm, and root.
+# Prints the SLURM_CONF to export. It writes in FOLDER alone and stops only its own daemons.
 set -eu
 action=$1
 mkdir -p "$2"
@@ -15,7 +15,9 @@ stop() {
 if [ "$action" = stop ]; then stop; exit 0; fi
 
 for program in munged slurmctld slurmd sbatch; do
-    command -v "$program" >/dev/null || { echo "no $program here; run: sudo apt-get install slurm-wlm" >&2; exit 2; }
+    command -v "$program" >/dev/null && continue
+    echo "no $program here; run: sudo apt-get install slurm-wlm" >&2
+    exit 2
 done
 [ "$(id -u)" = 0 ] || { echo "slurmd needs root to start jobs; run as root" >&2; exit 2; }
 

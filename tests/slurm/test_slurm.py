@@ -1,4 +1,4 @@
-"""A real Slurm of one node, started here: a scene by make, cut off at its limit and submitted again; a study.
+"""A real Slurm of one node: a scene by make that meets its time limit and goes on; a study.
 
 Opt-in: make test-slurm (Debian's slurm-wlm, root). The log goes to docs/cluster_log.txt.
 """
@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -23,6 +22,7 @@ from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import last_checkpoint
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, TINY
+from tests.inner_make import inner_environment
 
 pytestmark = [
     pytest.mark.slurm,
@@ -32,19 +32,23 @@ pytestmark = [
 
 CONTROL = Path(__file__).with_name("slurmctl.sh")
 LOG = ROOT / "docs" / "cluster_log.txt"
-# Four runs, and one that is meant to be refused; the two on the draft are the same but for their ranks.
-STUDY = """run, level, until, ranks, may_fail, numerics.time_step, fluid.turbulence, motion.end_time, numerics.max_courant
+# Four runs, and one that must be refused; the two at level draft differ in their ranks only.
+COLUMNS = (
+    "run, level, until, ranks, may_fail, numerics.time_step, fluid.turbulence, motion.end_time,"
+    " numerics.max_courant"
+)
+STUDY = f"""{COLUMNS}
 base, tiny, vortices_cfd, 1, , 0.5e-3, , 0.1,
 les, tiny, run, 1, , 1e-3, WALE, 0.1,
 one_rank, draft, run, 1, , , , 0.02,
 two_ranks, draft, run, 2, , , , 0.02,
 edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
-# Slurm here keeps no accounts to ask for the state of a job
+# this Slurm keeps no accounts with the states of jobs
 FLAGS = (
     "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
 )
-# Enough cells for two ranks, enough steps that the solver is at work for minutes; images and PIV are small.
+# Cells for two ranks, and minutes of the solver; images and PIV are small.
 LONG = """
 [levels.draft]
 numerics = { time_step = 5e-4, write_interval = 0.02 }
@@ -56,24 +60,22 @@ FOLDER = ROOT / "cases" / "slurm_test"
 
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
-    """Start a Slurm and stop it again; SLURM_CONF is set meanwhile."""
+    """A running Slurm, with SLURM_CONF set."""
     folder = tmp_path_factory.mktemp("slurm")
     done = subprocess.run(["sh", CONTROL, "start", folder], capture_output=True, text=True)
     if done.returncode:
         pytest.skip(f"Slurm does not start here: {done.stderr.strip()}")
     os.environ["SLURM_CONF"] = done.stdout.strip()
-    # Snakemake's jobs lose SLURM_CONF, and no /etc/slurm names this cluster: the programs are told by what stands before them
+    # Snakemake's jobs lose SLURM_CONF, and no /etc/slurm names this cluster
     (folder / "bin").mkdir()
     for name in ("srun", "sbatch", "squeue", "scancel", "scontrol", "sinfo"):
         program = folder / "bin" / name
-        program.write_text(
-            f'#!/bin/sh\nSLURM_CONF={done.stdout.strip()} exec {shutil.which(name)} "$@"\n'
-        )
+        configuration = f"SLURM_CONF={done.stdout.strip()}"
+        program.write_text(f'#!/bin/sh\n{configuration} exec {shutil.which(name)} "$@"\n')
         program.chmod(0o755)
     os.environ["PATH"] = f"{folder / 'bin'}:{os.environ['PATH']}"
-    LOG.write_text(
-        f"{datetime.now(UTC):%Y-%m-%d} {subprocess.getoutput('sinfo --version')}, one node of {os.cpu_count()} cores\n"
-    )
+    version = f"{datetime.now(UTC):%Y-%m-%d} {subprocess.getoutput('sinfo --version')}"
+    LOG.write_text(f"{version}, one node of {os.cpu_count()} cores\n")
     yield folder
     subprocess.run(["sh", CONTROL, "stop", folder], check=False)
     del os.environ["SLURM_CONF"]
@@ -84,27 +86,27 @@ def scene():
     """A case in the project's tree, where jobs on other nodes would find it."""
     shutil.rmtree(FOLDER, ignore_errors=True)
     FOLDER.mkdir(parents=True)
-    (FOLDER / "scene.toml").write_text(
-        TINY.format(parent="../single_finger", kind="2d", more="", numerics="") + LONG,
-        encoding="utf-8",
-    )
+    text = TINY.format(parent="../single_finger", kind="2d", more="", numerics="") + LONG
+    (FOLDER / "scene.toml").write_text(text, encoding="utf-8")
     for name in ("kinematics", "reference"):
         (FOLDER / name).symlink_to(f"../single_finger/{name}")
     yield load_scene(Path("cases/slurm_test"), "draft")
     shutil.rmtree(FOLDER)
 
 
-def make(*words: str, seconds: float) -> subprocess.CompletedProcess[str]:
-    """A make as a user types it, not as a part of the one that runs the tests."""
-    env = {
-        key: value
-        for key, value in os.environ.items()
-        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
-    }
-    command = ["make", "--no-print-directory", *words]
-    return subprocess.run(
-        command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=seconds
-    )
+def make(log: Path, *words: str) -> subprocess.Popen[bytes]:
+    """Start a user's make, with its output in `log`."""
+    command = ["make", "--no-print-directory", *words, "SLURM=1", f"SNAKEFLAGS={FLAGS}"]
+    with log.open("wb") as file:
+        return subprocess.Popen(
+            command, cwd=ROOT, env=inner_environment(), stdout=file, stderr=file
+        )
+
+
+def job_lines(log: Path) -> list[str]:
+    """Lines of Snakemake's log about jobs."""
+    words = ("submitted", "rror in rule", "steps (")
+    return [line for line in log.read_text().splitlines() if any(word in line for word in words)]
 
 
 def note(title: str, text: str) -> None:
@@ -117,123 +119,77 @@ def note(title: str, text: str) -> None:
 
 def job_of(rule: str) -> str | None:
     """Number of the job of a rule that Slurm is running, or None."""
-    shown = subprocess.run(
-        ["squeue", "--noheader", "--states=R", "--format=%i %k"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    jobs = [line.split()[0] for line in shown.splitlines() if f"rule_{rule}_" in line]
-    return jobs[0] if jobs else None
+    lines = squeue("--states=R", "--format=%i %k").splitlines()
+    return next((line.split()[0] for line in lines if f"rule_{rule}_" in line), None)
+
+
+def squeue(*options: str) -> str:
+    command = ["squeue", "--noheader", *options]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def minutes_run(job: str) -> int:
     """Whole minutes for which a job has run."""
-    shown = subprocess.run(
-        ["squeue", "--noheader", "--format=%M", f"--jobs={job}"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    parts = [int(part) for part in re.split("[-:]", shown.stdout.strip())]
+    parts = [int(part) for part in re.split("[-:]", squeue("--format=%M", f"--jobs={job}"))]
     return ([0, 0, *parts][-3] * 60) + parts[-2]
 
 
 def wait_until(what: Callable[[], bool], seconds: float) -> None:
-    """Look every half second; AssertionError where it does not happen."""
+    """Wait for a condition; AssertionError where it does not come."""
     deadline = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < deadline, "it took too long"
         time.sleep(0.5)
 
 
-def test_a_scene_cut_off_by_its_limit_is_submitted_again_and_ends(slurm, scene):
-    """`make slurm_test SLURM=1`: a job for each stage. Once the solver has a checkpoint its limit is set to the next full
-    minute: Slurm ends it, Snakemake submits it again, it resumes, and the later stages go on to the report."""
-    begin = time.monotonic()
-    command = [
-        "make",
-        "--no-print-directory",
-        "slurm_test",
-        "LEVEL=draft",
-        "NP=2",
-        "SLURM=1",
-        "MINUTES=60",
-        f"SNAKEFLAGS={FLAGS}",
-    ]
-    env = {
-        key: value
-        for key, value in os.environ.items()
-        if key not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
-    }
-    with (slurm / "make.log").open("w+") as log:
-        make_ = subprocess.Popen(command, cwd=ROOT, env=env, stdout=log, stderr=log)
-        case = scene.out / "case" / "interval_0"
-        wait_until(
-            lambda: last_checkpoint(case, Ranks(2)) is not None or make_.poll() is not None, 3000
-        )
-        solver = job_of("run")
-        assert solver is not None, (slurm / "make.log").read_text()[-3000:]
-        near = minutes_run(solver) + 1
-        subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
-        wait_until(lambda: job_of("run") != solver, 240)
-        told = f"{datetime.now(UTC):%H:%M:%S} job {solver}: ended at its limit of {near} min"
-        code = make_.wait(5400)
-    text = (slurm / "make.log").read_text()
-    lines = [
-        line
-        for line in text.splitlines()
-        if "submitted" in line or "rror in rule" in line or "steps (" in line
-    ]
-    note("make slurm_test LEVEL=draft NP=2 SLURM=1", "\n".join([told, *lines]))
-    assert code == 0, text[-3000:]
+def test_a_scene_that_meets_its_time_limit_is_submitted_again_and_ends(slurm, scene):
+    """`make slurm_test SLURM=1`: a job for each stage.
+
+    Once the solver has a checkpoint its limit becomes the next full minute: Slurm ends it,
+    Snakemake submits it again, it resumes, and the later stages go on to the report.
+    """
+    begin, log = time.monotonic(), slurm / "make.log"
+    process = make(log, "slurm_test", "LEVEL=draft", "NP=2", "MINUTES=60")
+    case = scene.out / "case" / "interval_0"
+    wait_until(
+        lambda: last_checkpoint(case, Ranks(2)) is not None or process.poll() is not None, 3000
+    )
+    solver = job_of("run")
+    assert solver is not None, log.read_text()[-3000:]
+    near = minutes_run(solver) + 1
+    subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
+    wait_until(lambda: job_of("run") != solver, 240)
+    ended = f"{datetime.now(UTC):%H:%M:%S} job {solver}: ended at its limit of {near} min"
+    code = process.wait(5400)
+    note("make slurm_test LEVEL=draft NP=2 SLURM=1", "\n".join([ended, *job_lines(log)]))
+    assert code == 0, log.read_text()[-3000:]
     record = json.loads((scene.out / "run" / "run.json").read_text())
     kept = ("level", "cells", "steps", "ranks", "resumed", "wall_time")
-    note(
-        f"its run.json (all in {(time.monotonic() - begin) / 60:.0f} min)",
-        json.dumps({k: record[k] for k in kept}),
-    )
+    minutes = (time.monotonic() - begin) / 60
+    note(f"its run.json (all in {minutes:.0f} min)", json.dumps({k: record[k] for k in kept}))
     assert record["ranks"] == 2
     assert record["resumed"], "the solver began anew instead of resuming"
     assert (scene.out / "report.html").exists()
 
 
 def test_a_study_of_four_runs(slurm, scene):
-    """Snakemake's Slurm executor, one job a stage and run; the table has a row for each run, the refused one included."""
+    """One job for each stage and run; the table has a row for each run, also the refused one."""
     table = FOLDER / "studies" / "four.csv"
     table.parent.mkdir(exist_ok=True)
     table.write_text(STUDY)
-    begin = time.monotonic()
-    done = make(
-        "study",
-        "STUDY=cases/slurm_test/studies/four.csv",
-        "SLURM=1",
-        f"SNAKEFLAGS={FLAGS}",
-        seconds=3600,
-    )
-    lines = [
-        line
-        for line in done.stderr.splitlines()
-        if "submitted" in line or "steps (" in line or "rror" in line
-    ]
-    note(f"a study of four runs ({time.monotonic() - begin:.0f} s)", "\n".join(lines))
-    assert done.returncode == 0, done.stderr[-3000:]
+    begin, log = time.monotonic(), slurm / "study.log"
+    code = make(log, "study", "STUDY=cases/slurm_test/studies/four.csv").wait(3600)
+    note(f"a study of four runs ({time.monotonic() - begin:.0f} s)", "\n".join(job_lines(log)))
+    assert code == 0, log.read_text()[-3000:]
     study = FOLDER / "out" / "studies" / "four"
     result = pd.read_csv(study / "table.csv").set_index("run")
     columns = ["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_run_s"]
     note("its table", result[columns].to_string())
     assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
     assert result["peak_force_N"].drop("edge").notna().all()
-    assert (
-        json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())["ended"]
-        == "refused"
-    )
+    outcome = json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())
+    assert outcome["ended"] == "refused"
     assert result.loc["two_ranks", "ranks"] == 2
-    # the same run on two ranks: what is left of stopping the pressure's iterations early
-    assert result.loc["two_ranks", "peak_force_N"] == pytest.approx(
-        result.loc["one_rank", "peak_force_N"], rel=1e-3
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(pytest.main([__file__, "-s"]))
+    # the same run on two ranks: early ends of the pressure's iterations
+    one, two = result.loc[["one_rank", "two_ranks"], "peak_force_N"]
+    assert two == pytest.approx(one, rel=1e-3)

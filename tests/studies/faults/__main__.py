@@ -1,7 +1,7 @@
 """`make faults`: faults of the machine, tried on a small copy of the project.
 
 kill -9 in every stage; full disks, folders without write permission; paths with a space or
-other letters; damaged files between the stages; OpenFOAM missing or too old; two makes at once.
+other letters; OpenFOAM missing or too old; two makes at once.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from pipeline.__main__ import main as run_stage
 from tests.damage import WAYS, damage
 from tests.studies.pages import write_table
 
-COLUMNS = ("stage", "input", "ways", "refused", "told")
+COLUMNS = ("stage", "input", "ways", "refused", "sentence")
 
 
 def _inputs_of(stage: Stage, out: Path) -> list[Path]:

@@ -171,9 +171,9 @@ def faults_part(folder: Path) -> list[str]:
         " [stage_kills.csv](stability/stage_kills.csv). Whole runs that were killed eight times in"
         " succession: [record](record/studies.md#kills-of-whole-runs).\n",
         *(f"- {row['stage']}: {row['difference']}" for row in bad),
-        "## Disks, files, paths, OpenFOAM, two makes (`make faults`)\n",
+        "## Disks, paths, OpenFOAM, two makes (`make faults`)\n",
         f"{len(faults)} conditions: {', '.join(f'{n} {kind}' for kind, n in kinds.items())}. Each"
-        " with what was said and what make ends with once the condition is over:"
+        " with its error message and the result once the condition is over:"
         " [faults.csv](stability/faults.csv).\n",
         "## Fuzz of the readers (`make fuzz`)\n",
         f"{inputs} damaged files in {len(fuzz)} readers, {broken} faults: each other was read or"

@@ -38,9 +38,7 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
     """
     size, value = np.asarray(size, float), np.asarray(value, float)
     if size.shape != (3,) or value.shape != (3,):
-        raise ValueError(
-            f"three grids are wanted, {size.size} sizes and {value.size} values are given"
-        )
+        raise ValueError(f"{size.size} sizes and {value.size} values; three of each are needed")
     order = np.argsort(size)
     h, f = size[order], value[order]
     fine, coarse = f[1] - f[0], f[2] - f[1]
@@ -69,9 +67,7 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
     """Eça & Hoekstra's procedure for four grids or more (three: exact fit, no scatter)."""
     h, f = np.asarray(size, float), np.asarray(value, float)
     if len(h) < 3 or len(h) != len(f):
-        raise ValueError(
-            f"three grids at least are wanted, {len(h)} sizes and {len(f)} values are given"
-        )
+        raise ValueError(f"{len(h)} sizes and {len(f)} values; at least three of each are needed")
     h = h / h.min()
     spread = (f.max() - f.min()) / (len(f) - 1)
     fits = [_power_fit(h, f, weight) for weight in _weights(h)]

@@ -41,7 +41,7 @@ def impulsive(curves: Curves, path: Path) -> None:
 
 
 def accelerating(curves: Curves, path: Path) -> None:
-    """Force, its two known parts, and what is left."""
+    """Force and its two known parts."""
     figure, axes = new_figure(7, 3.4)
     both = np.array(curves["mass_force"]) + np.array(curves["layer"])
     axes.plot(curves["time"], curves["force"], color=CFD, label="computed")

@@ -34,9 +34,8 @@ def test_every_node_of_every_layer_is_touched_by_about_a_fifth_of_the_cells(tmp_
     corners = np.vstack([triangles[:, [0, 1, 2, 2]], planform["quads"].values])
     column, layer = swept.cell_column, swept.cell_layer
     cells = covering_cells(corners, column, layer)
-    assert touched(corners, column, layer, cells) == touched(
-        corners, column, layer, range(len(column))
-    )
+    every = range(len(column))
+    assert touched(corners, column, layer, cells) == touched(corners, column, layer, every)
     assert 0.15 < len(cells) / len(column) < 0.3
     _, zones = case.zones(swept, planform)
     assert sorted(np.concatenate(list(zones.values()))) == sorted(cells)

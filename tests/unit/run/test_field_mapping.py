@@ -1,4 +1,4 @@
-"""What run.json says of a field mapping between two intervals, from tables made up for it."""
+"""The record of a field mapping between two intervals, from exact tables."""
 
 import json
 
@@ -23,9 +23,8 @@ def test_a_force_settles_where_it_stays_near_the_old_one():
     start = 12 * STEP
     assert settling_time(before, after, start, 1.0) == 0.0
     after[:3, 1] += [0.5, -0.1, 0.03]
-    assert settling_time(before, after, start, 1.0) == pytest.approx(
-        4 * STEP
-    )  # 0.03 is still off, by 2 % of the peak
+    # 0.03 is still off, by 2 % of the peak
+    assert settling_time(before, after, start, 1.0) == pytest.approx(4 * STEP)
     assert settling_time(before, after, start, 2.0) == pytest.approx(3 * STEP)
     after[7, 1] += 0.1  # the last that both solved
     assert settling_time(before, after, start, 1.0) is None
@@ -36,9 +35,8 @@ def test_a_field_mapping_is_recorded_where_both_intervals_were_solved(tmp_path):
     cases = [tmp_path / interval.name for interval in intervals]
     for case in cases:
         case.mkdir()
-    (cases[1] / FIELD_MAPPING).write_text(
-        json.dumps({"mapped_at": 0.012, "mapping_jump_fraction": 0.0})
-    )
+    mapped = {"mapped_at": 0.012, "mapping_jump_fraction": 0.0}
+    (cases[1] / FIELD_MAPPING).write_text(json.dumps(mapped))
     force = [table(1, 20, np.cos, np.sin), table(13, 40, np.cos, np.sin)]
     energy = [table(1, 20, lambda t: 2 + t)[1::2], table(13, 40, lambda t: 1.01 * (2 + t))[1::2]]
     (mapping,) = field_mappings(intervals, cases, force, energy)

@@ -1,4 +1,4 @@
-"""Dividing a motion among planforms: intervals that cover the time exactly, one planform where one suffices."""
+"""Dividing a motion among planforms: intervals cover the time, with as few planforms as needed."""
 
 from itertools import pairwise
 
@@ -35,11 +35,9 @@ def test_deformation_counts_bends_and_factors_of_the_gap_in_both_directions():
 def test_intervals_cover_the_time_exactly_and_shapes_cover_the_intervals(
     knots, count, sampling, stride, overlap
 ):
-    deformation = np.interp(
-        np.arange(stride * (len(knots) - 1) * sampling + 1),
-        np.arange(len(knots)) * stride * sampling,
-        knots,
-    )
+    length = stride * sampling
+    steps = np.arange(length * (len(knots) - 1) + 1)
+    deformation = np.interp(steps, length * np.arange(len(knots)), knots)
     parts = divide(deformation, count, sampling, overlap)
     assert 1 <= len(parts) <= count
     intervals = sorted(interval for part in parts for interval in part.intervals)
@@ -63,9 +61,7 @@ def test_a_long_rest_at_the_end_is_an_interval_of_its_own_and_a_short_one_is_not
         (part,) = divide(deformation, 1, 4, overlap)
         assert len(part.intervals) == count
         if count == 2:
-            begin = (
-                part.intervals[1][0] - overlap
-            )  # where its solver starts, beside the moving interval's
+            begin = part.intervals[1][0] - overlap  # its solver starts beside the moving interval's
             assert last_move(deformation) == moving < begin < moving + 8
     assert last_move(np.zeros(50)) == 0
 
@@ -76,12 +72,11 @@ def test_there_and_back_takes_the_first_planform_again_once():
     assert [len(part.intervals) for part in parts] == [2, 1]
     (_, there), (back, _) = parts[0].intervals
     assert there == 200  # at the middle of the deformation
-    assert deformation[back] == pytest.approx(
-        0.5 - 0.5 * HYSTERESIS, abs=4 / 400
-    )  # and after turning back by the hysteresis
+    # and after turning back by the hysteresis
+    assert deformation[back] == pytest.approx(0.5 - 0.5 * HYSTERESIS, abs=4 / 400)
 
 
-def test_a_motion_that_chatters_at_a_boundary_is_not_cut_to_pieces():
+def test_a_motion_that_oscillates_at_a_boundary_has_few_intervals():
     step = np.arange(1001)
     deformation = step / 1000 + 0.02 * np.sin(step / 3)  # swings by 4 % of its range 300 times
     parts = divide(deformation, 2, 4, 8)
@@ -99,24 +94,19 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     for each in (scene, far):
         kinematics.run(each, quiet=True)
         mesh.run(each, quiet=True)
-    assert [
-        (interval.start, interval.end, interval.mesh) for interval in read_intervals(scene.out)
-    ] == [(0.0, 0.42, 0)]
+    (single,) = read_intervals(scene.out)
+    assert (single.start, single.end, single.mesh) == (0.0, 0.42, 0)
     intervals = read_intervals(far.out)
-    assert len({interval.mesh for interval in intervals}) > 1
-    assert len(intervals) > len(
-        {interval.mesh for interval in intervals}
-    )  # it comes back to planforms it had left
+    # it comes back to planforms it had left
+    assert 1 < len({interval.mesh for interval in intervals}) < len(intervals)
     worst = np.loadtxt(far.out / "mesh_quality.csv", delimiter=",", skiprows=1)
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
-    assert worst[:, 2].sum() == pytest.approx(
-        1.0, abs=1e-4
-    )  # shares of the time, to the digits written
+    assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, rounded
     assert {int(interval) for interval in worst[:, 0]} == {interval.index for interval in intervals}
 
 
-def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
-    """At level coarse, down to a gap of 0.5 mm: at most 80° at any instant, at most 70° for 95 % of time and stroke."""
+def test_the_shipped_pinch_keeps_its_limits(tmp_path):
+    """Level coarse, gap of 0.5 mm: at most 80°, and at most 70° for 95 % of time and stroke."""
     scene = write_scene(tmp_path / "pinch", "quarter", parent="pinch")
     scene = load_scene(scene.folder, "coarse")
     kinematics.run(scene, quiet=True)
@@ -125,14 +115,11 @@ def test_the_pinch_as_shipped_keeps_the_issues_limits(tmp_path):
     share, angle = table[:, 2], table[:, 5]
     assert angle.max() <= 80.0
     assert share[angle <= 70.0].sum() >= 0.95
-    assert (
-        angle <= 70.0
-    ).mean() >= 0.95  # of the shapes, which follow each other at equal steps of bend and gap
-    intervals = read_intervals(scene.out)
-    *moving, resting = intervals
-    assert [interval.mesh for interval in moving] == list(
-        range(len(moving))
-    )  # it closes once: no planform is taken twice
+    # of the shapes, which are equal steps of bend and gap apart
+    assert (angle <= 70.0).mean() >= 0.95
+    *moving, resting = read_intervals(scene.out)
+    # it closes once: no planform is taken twice
+    assert [interval.mesh for interval in moving] == list(range(len(moving)))
     assert 2 <= len(moving) <= 3
     assert not resting.moving
     assert resting.mesh == moving[-1].mesh

@@ -26,16 +26,14 @@ def test_a_cut_file_is_not_whole(tmp_path):
     path = tmp_path / "U"
     for end in range(len(content) - 20, len(content) + 1):
         path.write_bytes(content[:end])
-        assert is_whole(path, Ranks(2, collated=True)) == (end >= len(content) - 1), (
-            end
-        )  # the last byte is a line's end
+        # the last byte is a line's end
+        assert is_whole(path, Ranks(2, collated=True)) == (end >= len(content) - 1), end
 
 
 def test_blocks_of_later_versions_are_named_with_a_small_letter():
     content = collated_content("points", [b"abc", b"// Processor1"])
-    assert read_blocks(content.replace(b"\n// Processor", b"\n// processor")) == read_blocks(
-        content
-    )
+    later = content.replace(b"\n// Processor", b"\n// processor")
+    assert read_blocks(later) == read_blocks(content)
 
 
 @pytest.mark.parametrize("collated", [False, True])
@@ -46,9 +44,8 @@ def test_labels_of_each_rank(tmp_path, collated):
     name = "constant/polyMesh/pointProcAddressing"
     if collated:
         blocks = [head + binary_list(lists[0]), b"\n" + binary_list(lists[1])]
-        write_bytes(
-            tmp_path / "processors2" / name, collated_content("pointProcAddressing", blocks)
-        )
+        content = collated_content("pointProcAddressing", blocks)
+        write_bytes(tmp_path / "processors2" / name, content)
     else:
         for rank, labels in enumerate(lists):
             write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels))

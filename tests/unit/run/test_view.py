@@ -1,4 +1,4 @@
-"""The time series for ParaView: all mesh intervals, all ranks, the whole tank on request; fields written by hand, read by VTK."""
+"""The time series for ParaView, of fields written by hand and read by VTK."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from pipeline.view.command import write_series
 from pipeline.view.grids import X, Z
 from tests.conftest import prepare, write_scene
 
-CLOSING = (
-    "[motion]\nstrokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.12 }]\nend_time = 0.1\n"
-    "[pinch]\nresidual_gap = 0.002\n"
-)
+CLOSING = """[motion]
+strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.12 }]
+end_time = 0.1
+[pinch]
+residual_gap = 0.002
+"""
 TURN = 3.0  # 1/s
 PRESSURE = 2.5  # m²/s²
 
 
 def write_fields(scene, interval, time: float, layout: str) -> None:
-    """A solid-body turn about z and an even pressure at a time of an interval, by one rank, two, or two that share files."""
+    """A solid-body turn about z and a constant pressure; `layout`: one rank, two, or collated."""
     case, name = scene.out / "case" / interval.name, f"{time:g}"
     cells = cells_of(scene.out, interval, time)
     centre = cells.centre[cells.column]
@@ -51,9 +53,8 @@ def write_fields(scene, interval, time: float, layout: str) -> None:
             parts.setdefault(f"{name}/{field}", []).append(path.read_bytes())
     for file, contents in parts.items():
         if layout == "collated":
-            write_bytes(
-                case / "processors2" / file, collated_content(file.rpartition("/")[2], contents)
-            )
+            block = collated_content(file.rpartition("/")[2], contents)
+            write_bytes(case / "processors2" / file, block)
         for rank, content in enumerate(contents if layout == "two" else ()):
             write_bytes(case / f"processor{rank}" / file, content)
     state = '{"ranks": 2, "mesh": 0' + (', "collated": true}' if layout == "collated" else "}")
@@ -71,18 +72,16 @@ def shown(folder, part: str = "water") -> list[tuple[float, pv.UnstructuredGrid]
 
 @pytest.fixture(scope="module")
 def closing(tmp_path_factory):
-    """A quarter of a pinch in two mesh intervals or more, with one instant of each written, and one of an overlap."""
-    scene = prepare(
-        write_scene(tmp_path_factory.mktemp("view"), "quarter", CLOSING, parent="pinch")
-    )
+    """A quarter of a pinch in several mesh intervals: the end of each, and an overlap."""
+    folder = tmp_path_factory.mktemp("view")
+    scene = prepare(write_scene(folder, "quarter", CLOSING, parent="pinch"))
     intervals = read_intervals(scene.out)
     assert len(intervals) > 1
     layouts = ("one", "two", "collated")
     for k, interval in enumerate(intervals):
         write_fields(scene, interval, round(interval.end, 8), layouts[k % 3])
-    write_fields(
-        scene, intervals[1], round(intervals[1].start, 8), layouts[1]
-    )  # the interval before has it
+    # the interval before has this instant too
+    write_fields(scene, intervals[1], round(intervals[1].start, 8), layouts[1])
     return scene
 
 
@@ -100,9 +99,8 @@ def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
     for (time, grid), interval in zip(series, read_intervals(closing.out), strict=True):
         cells = cells_of(closing.out, interval, time)
         volume = grid.compute_cell_sizes(length=False, area=False)["Volume"]
-        np.testing.assert_allclose(
-            volume, cells.volume, rtol=1e-3
-        )  # faces of VTK's hexahedra are no planes
+        # faces of VTK's hexahedra are no planes
+        np.testing.assert_allclose(volume, cells.volume, rtol=1e-3)
         assert grid.volume == pytest.approx(cells.volume.sum(), rel=1e-5)
 
 
@@ -110,19 +108,18 @@ def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
     for _, grid in shown(quarter):
         x, y, _ = grid.cell_centers().points.T
         size = TURN * np.hypot(x, y).max()
-        # float32; VTK's cell centres are means of corners, the run's are centroids: they differ where a cell is skewed
+        # float32; VTK's cell centres are means of corners, the run's are centroids
         np.testing.assert_allclose(grid["velocity"][:, 0], -TURN * y, atol=2e-3 * size)
         np.testing.assert_allclose(grid["velocity"][:, 1], TURN * x, atol=2e-3 * size)
         np.testing.assert_allclose(grid["pressure"], PRESSURE * closing.fluid.density, rtol=1e-6)
-        # VTK takes the gradient from means of cells' values at their corners, which of cells as coarse as these are not exact
+        # VTK takes gradients from means at corners, which are not exact on coarse cells
         middle = float(np.median(grid["vorticity"][:, 2])) / (2 * TURN)
         assert 0.85 < middle < 1.15, middle
 
 
 def test_the_walls_are_the_finger_where_it_is_then(closing, quarter):
-    for (time, grid), interval in zip(
-        shown(quarter, "walls"), read_intervals(closing.out), strict=True
-    ):
+    intervals = read_intervals(closing.out)
+    for (time, grid), interval in zip(shown(quarter, "walls"), intervals, strict=True):
         planform = read_planform(closing.out, interval.mesh)
         outline = read_motion(closing.out, interval.mesh).nodes(time)[planform["wall"].values]
         np.testing.assert_allclose(grid.bounds[:4:2], outline.min(axis=0), atol=1e-6)
@@ -137,19 +134,18 @@ def test_the_whole_tank_is_the_quarter_and_its_images(closing, quarter, tmp_path
         assert tank.volume == pytest.approx(4 * part.volume, rel=1e-6)
         volume = tank.compute_cell_sizes(length=False, area=False)["Volume"]
         assert (volume > 0).all()  # images are not turned inside out
-        np.testing.assert_allclose(
-            tank.bounds[::2], -np.array(tank.bounds[1::2]) * [1, 0, 1], atol=1e-6
-        )
-        images = tank["velocity"].reshape(4, -1, 3)
-        signs = np.array([[1, 1, 1], [1, 1, -1], [-1, 1, 1], [-1, 1, -1]])
-        np.testing.assert_array_equal(images, signs[:, None] * part["velocity"])
-        turned = np.array([[1, 1, 1], [-1, -1, 1], [1, -1, -1], [-1, 1, -1]])  # an axial vector
-        np.testing.assert_array_equal(
-            tank["vorticity"].reshape(4, -1, 3), turned[:, None] * part["vorticity"]
-        )
+        first, last = np.array(tank.bounds).reshape(3, 2).T
+        np.testing.assert_allclose(first, -last * [1, 0, 1], atol=1e-6)
+        signs = {
+            "velocity": [[1, 1, 1], [1, 1, -1], [-1, 1, 1], [-1, 1, -1]],
+            "vorticity": [[1, 1, 1], [-1, -1, 1], [1, -1, -1], [-1, 1, -1]],  # an axial vector
+        }
+        for name, sign in signs.items():
+            images = tank[name].reshape(4, -1, 3)
+            np.testing.assert_array_equal(images, np.array(sign)[:, None] * part[name])
 
 
-def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quarter, tmp_path):
+def test_only_missing_and_old_files_are_written(closing, quarter, tmp_path):
     quarter = shutil.copytree(quarter, tmp_path / "own")
     files = sorted(quarter.glob("*.vtu"))
     before = {path: path.stat().st_mtime_ns for path in files}
@@ -161,10 +157,9 @@ def test_what_is_there_stays_and_what_is_missing_or_old_is_written(closing, quar
     assert {re.sub(r"\D", "", path.name) for path in again} == {re.sub(r"\D", "", files[0].name)}
 
 
-def test_without_a_run_the_cure_is_said(tiny, tmp_path):
-    with pytest.raises(
-        StageError, match=r"no run has written its fields.*make tiny\.view LEVEL=tiny"
-    ):
+def test_without_a_run_the_error_names_the_remedy(tiny, tmp_path):
+    remedy = r"no run has written its fields.*make tiny\.view LEVEL=tiny"
+    with pytest.raises(StageError, match=remedy):
         write_series(tiny, tmp_path, (), quiet=True)
     assert not list(tmp_path.glob("*.pvd"))
     prepare(tiny)

@@ -1,4 +1,4 @@
-"""The scaling model: exact where it must be, and fitted back to what made it."""
+"""The scaling model: exact limits, and a fit that recovers its own measurements."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_t
 from tests.conftest import write_scene
 
 NETWORK = Network(latency=2e-6, bandwidth=1e9, ranks_per_node=64, saturated=2.0)
-SOLVER = Solver(
-    seconds_per_cell=4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0
-)
+SOLVER = Solver(4e-6, pair_slowdown=1.1, serial_seconds_per_cell=0.0, pressure_cycles=6.0)
 FREE = Network(latency=0.0, bandwidth=1e30, ranks_per_node=10**6, saturated=1.0)
 
 
@@ -31,12 +29,8 @@ def test_without_communication_only_imbalance_is_lost():
 
 
 def test_fit_recovers_the_solver_that_made_the_measurements():
-    one = {
-        "cells": 6e4,
-        "columns": 4.9e3,
-        "step_s": step_time(6e4, 1, 4.9e3, SOLVER, NETWORK),
-        "cycles": 6.0,
-    }
+    step = step_time(6e4, 1, 4.9e3, SOLVER, NETWORK)
+    one = {"cells": 6e4, "columns": 4.9e3, "step_s": step, "cycles": 6.0}
     two = one | {"alone_s": one["step_s"], "step_s": step_time(6e4, 2, 4.9e3, SOLVER, NETWORK)}
     solver = fit(one, two, NETWORK)
     assert solver.seconds_per_cell == pytest.approx(4e-6)
@@ -74,8 +68,7 @@ coarse,61482,4900,2,2,moving,True,0.12,7.6,0.6
 """
 
 
-def test_steps_that_were_measured_here_are_what_is_fitted(tmp_path):
-    """make bench-steps, then make predict: one rank costs what it was measured to cost, and two do."""
+def test_measured_steps_are_recovered(tmp_path):
     (tmp_path / "steps.csv").write_text(STEPS)
     one, two, network = read_data(steps=tmp_path / "steps.csv")
     solver = fit(one, two, network)
@@ -87,7 +80,7 @@ def test_steps_that_were_measured_here_are_what_is_fitted(tmp_path):
 
 
 def test_a_prediction_says_what_it_does_not_know(tmp_path):
-    """The memory of a full node is assumed: the answer spans what the literature leaves open, and names it."""
+    """The memory of a full node is assumed: the answer is a range, with its source."""
     text = report(write_scene(tmp_path / "small"), 40_000_000, 1_500_000, [1, 2, 64])
     answer = next(line for line in text.splitlines() if "no longer pay" in line)
     low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by how well", answer).groups()
@@ -106,19 +99,18 @@ def test_times_are_in_the_unit_that_is_read(seconds, text):
 
 @pytest.mark.parametrize("cells, steps, taken", [(3054, 420, 8.8), (2308, 640, 11.9)])
 def test_small_runs_cost_more_than_their_cells(cells, steps, taken):
-    """The solver's wall time of single_finger (with half its time step) and pinch at level smoke on a quiet machine, within a fifth."""
+    """Wall time of single_finger (half its time step) and pinch at smoke on a quiet machine."""
     one, two, network = read_data()
-    assert steps * step_time(cells, 1, cells, fit(one, two, network), network) == pytest.approx(
-        taken, rel=0.2
-    )
+    step = step_time(cells, 1, cells, fit(one, two, network), network)
+    assert steps * step == pytest.approx(taken, rel=0.2)
 
 
 def test_a_step_is_read_from_the_log(tmp_path):
     lines, clock = [], 0.0
     for step in range(1, 101):
         clock += 0.5 + (0.2 if step % 4 == 0 else 0.0)  # each fourth step takes a picture
-        lines += [f"Time = {step}", "GAMG:  Solving for p, x, No Iterations 3", "GAMG:  Solving for p, x, No Iterations 2",
-                  f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]  # fmt: skip
+        solves = [f"GAMG:  Solving for p, x, No Iterations {count}" for count in (3, 2)]
+        lines += [f"Time = {step}", *solves, f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]
     (tmp_path / "log.pimpleFoam").write_text("\n".join(lines))
     timing = measured(tmp_path, 4)
     assert timing["cycles"] == 5
