@@ -15,7 +15,7 @@ from pipeline.openfoam.ranks import collated_content
 FIELD = "wantedDisplacement"
 PADDING = 3  # frames beyond the last time step
 
-BOUNDARY = b"""
+_BOUNDARY = b"""
 boundaryField
 {
     ".*"                { type calculated; }
@@ -62,13 +62,6 @@ def checkpoint_steps(wanted: float, time_step: float) -> int:
 _HEADER = header("pointVectorField", "", FIELD, binary=True)
 
 
-def _frame_body(displacement: np.ndarray, flat: bool) -> bytes:
-    """A pointVectorField with internal values (point, 3) m, without its header."""
-    kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
-    field = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
-    return field + binary_list(displacement) + b";\n" + BOUNDARY % kinds + END
-
-
 def write_frames(
     folders: list[Path],
     motion: NodeMotion,
@@ -85,13 +78,16 @@ def write_frames(
     `collated`: one file of all ranks per step, in the only folder.
     """
     start = motion.nodes(times[0])
+    kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
+    head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
+    tail = b";\n" + _BOUNDARY % kinds + END
     for time in times:
         moved = motion.nodes(time) - start
         bodies = []
         for node, drives in zip(nodes, driving, strict=True):
             displacement = np.zeros((len(node), 3))
             displacement[drives, :2] = moved[node[drives]]
-            bodies.append(_frame_body(displacement, flat))
+            bodies.append(head + binary_list(displacement) + tail)
         if collated:  # the header stands in the first block only
             contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
         else:

@@ -41,19 +41,15 @@ def _shared_faces(load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return np.minimum(load[pairs[:, 0]], load[pairs[:, 1]])
 
 
-def _pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Connected piece (column,) of each column within its rank; -1 where it has no cells."""
-    inside = (rank[pairs[:, 0]] == rank[pairs[:, 1]]) & (_shared_faces(load, pairs) > 0)
-    a, b = pairs[inside].T
-    graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(len(rank), len(rank)))
-    return np.where(load > 0, connected_components(graph, directed=False)[1], -1)
-
-
 def _whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Give each rank's stray pieces to the neighbour with which they share most faces."""
     rank, faces = rank.copy(), _shared_faces(load, pairs)
     for _ in range(_REPAIRS):
-        piece = _pieces(rank, load, pairs)
+        inside = (rank[pairs[:, 0]] == rank[pairs[:, 1]]) & (faces > 0)
+        a, b = pairs[inside].T
+        graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(len(rank), len(rank)))
+        connected = connected_components(graph, directed=False)[1]
+        piece = np.where(load > 0, connected, -1)  # of each column within its rank
         size = np.bincount(piece[piece >= 0], load[piece >= 0])
         kept: dict[int, int] = {}  # the largest piece of each rank stays
         for name in np.unique(piece[piece >= 0]):

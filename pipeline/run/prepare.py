@@ -15,7 +15,7 @@ from tqdm import tqdm
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval, read_planform
-from fileio.formats.node_motion import NodeMotion, read_motion
+from fileio.formats.node_motion import read_motion
 from fileio.formats.sweep import read_sweep
 from fileio.json_text import read_json
 from fileio.record import check_whole
@@ -88,33 +88,21 @@ def prepare(
         if ranks.count > 1:
             _decompose(case, sweep, planform, ranks)
     if interval.moving:
-        motion = read_motion(out, interval.mesh)
-        _write_motion(case, motion, sweep, planform, ranks, steps.times, quiet)
+        node, level = sweep["node"].values, sweep["level"].values
+        kind = planform.attrs["model"]
+        driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
+        points = [np.arange(len(node))]
+        if ranks.count > 1:
+            addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+            points = [labels_of(block) for block in addressing]
+        frames = write_frames(
+            ranks.folders(case), read_motion(out, interval.mesh), [node[p] for p in points],
+            [driving[p] for p in points], steps.times, kind == "2d", ranks.collated,
+        )  # fmt: skip
+        for _ in tqdm(frames, desc="frames", total=len(steps.times), disable=quiet or None):
+            pass
     if not done:
         write_text(case / STATE, json.dumps(wanted))
-
-
-def _write_motion(
-    case: Path,
-    motion: NodeMotion,
-    sweep: xr.Dataset,
-    planform: xr.Dataset,
-    ranks: Ranks,
-    times: np.ndarray,
-    quiet: bool,
-) -> None:
-    node, level, kind = sweep["node"].values, sweep["level"].values, str(planform.attrs["model"])
-    driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
-    points = [np.arange(len(node))]
-    if ranks.count > 1:
-        addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
-        points = [labels_of(block) for block in addressing]
-    done = write_frames(
-        ranks.folders(case), motion, [node[p] for p in points], [driving[p] for p in points],
-        times, flat=kind == "2d", collated=ranks.collated,
-    )  # fmt: skip
-    for _ in tqdm(done, desc="frames", total=len(times), disable=quiet or None):
-        pass
 
 
 def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks) -> None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-import pyvista as pv
 from tqdm import tqdm
 
 from fileio.atomic import whole, write_bytes, write_text
@@ -46,29 +44,6 @@ def _instants(out: Path) -> list[_Instant]:
     return written
 
 
-def _grids(
-    out: Path, members: list[_Instant], density: float
-) -> Iterator[tuple[pv.UnstructuredGrid, pv.UnstructuredGrid]]:
-    """Water and walls at each instant of one mesh interval."""
-    if not members:
-        return
-    interval = members[0][0]
-    case = out / "case" / interval.name
-    planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
-    motion = read_motion(out, interval.mesh)
-    mesh = topology(planform, sweep, read_faces(case / "constant" / "polyMesh"))
-    z = planform["levels"].values[sweep["level"].values]
-    for _, ranks, time, name in members:
-        points = np.column_stack([motion.nodes(time)[sweep["node"].values], z])
-        velocity, pressure = (
-            read_cells(case, name, field, ranks, len(mesh.types)) for field in ("U", "p")
-        )
-        yield (
-            water(mesh, points, velocity, density * pressure),
-            walls(mesh, points, density * pressure),
-        )
-
-
 def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: bool) -> int:
     """Write the missing files of a series to `target`; returns the number of instants."""
     out = scene.out
@@ -93,7 +68,20 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
                     bar.update()
                 else:
                     wanted.append(instant)
-            for instant, pair in zip(wanted, _grids(out, wanted, scene.fluid.density), strict=True):
+            if not wanted:
+                continue
+            planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
+            motion = read_motion(out, interval.mesh)
+            mesh = topology(planform, sweep, read_faces(case / "constant" / "polyMesh"))
+            z = planform["levels"].values[sweep["level"].values]
+            for instant in wanted:
+                _, ranks, time, name = instant
+                points = np.column_stack([motion.nodes(time)[sweep["node"].values], z])
+                velocity, pressure = (
+                    read_cells(case, name, field, ranks, len(mesh.types)) for field in ("U", "p")
+                )
+                pressure = scene.fluid.density * pressure
+                pair = water(mesh, points, velocity, pressure), walls(mesh, points, pressure)
                 for path, grid in zip(files[instant], pair, strict=True):
                     for plane in planes:
                         grid = with_mirror_image(grid, plane)

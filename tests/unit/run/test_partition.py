@@ -16,8 +16,8 @@ SCOTCH = any(map(shutil.which, ("gpart", "scotch_gpart")))
 
 
 def planform(n: int = 80):
-    """A square of n × n columns, fewer cells over a bent finger: centres, load, pairs."""
-    x, y = np.meshgrid(*2 * [np.linspace(0, 1, n) ** 2])  # graded like a real planform
+    """Centres, load and pairs of n × n columns, fewer cells over a finger, none in one corner."""
+    x, y = np.meshgrid(np.linspace(0, 1, n) ** 2, np.linspace(0, 1, n) ** 2)  # graded
     load = np.full((n, n), float(LAYERS))
     load[np.abs(np.hypot(x - 0.5, y) - 0.3) < 0.04] = OVER_FINGER
     load[-4:, -4:] = 0
