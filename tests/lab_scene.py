@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from pipeline.stage_settings import settings_of
 
 from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinematics
 from fileio.formats.plane_series import make_plane
@@ -24,11 +23,7 @@ CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 def finger_kinematics(folder: Path) -> Kinematics:
     """The motion of single_finger."""
     path = folder / "kinematics.h5"
-    write_kinematics(
-        path,
-        kinematics_values(scene := load_scene(CASE, "smoke")),
-        settings_of(scene, "kinematics"),
-    )
+    write_kinematics(path, kinematics_values(load_scene(CASE, "smoke")))
     return read_kinematics(path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from pipeline.fea.engines import bending_states
 from pipeline.fea.sections import sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
 from pipeline.scene.read_toml import OWN_STATES
-from pipeline.scene.scene import Scene
+from pipeline.scene.scene import Scene, load_scene
+
+_USED_BY = ("fea", "structure")  # of motion.source
 
 
 def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes: int = 2) -> None:
@@ -35,3 +38,13 @@ def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")
+    motion = load_scene(scene.folder, scene.level).motion  # the new file may replace a parent's
+    used = motion.source in _USED_BY and motion.states is not None
+    if output is None and not (
+        used and os.path.samefile(scene.folder / str(motion.states), target)
+    ):
+        print(
+            f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and"
+            f" motion.states = {motion.states!r}, so nothing uses these states; give motion.source ="
+            f" 'fea' and motion.states = '{OWN_STATES}'"
+        )

@@ -4,10 +4,10 @@ import json
 import shutil
 
 import pytest
-from pipeline.study.table import Row
 
 from pipeline.study.outcome import NAME, outcome
 from pipeline.study.plan import write_scene
+from pipeline.study.rows import Row
 from tests.studies.faults.conditions import disks, twice
 from tests.studies.faults.kill import kills_in
 from tests.studies.faults.project import PRODUCTS, SCENE, copy_project, make, out_of

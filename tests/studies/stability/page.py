@@ -13,9 +13,9 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
-from pipeline.study.table import read_study
 
 from fileio.atomic import whole, write_text
+from pipeline.study.rows import read_study
 from tests.damage import WAYS
 
 matplotlib.rcParams["svg.hashsalt"] = "softfinger"  # equal pictures give equal files

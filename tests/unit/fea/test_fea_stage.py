@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pipeline.stage_settings import update_settings
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read
 from pipeline.fea.sensitivity import variations
 from pipeline.fea.stage import run
+from pipeline.fea.up_to_date import check_states
 from pipeline.scene.scene import load_scene
 from tests.finger_cell import ACTUATOR, CASE, FEA
 
@@ -31,14 +31,14 @@ def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
     ]
     (tmp_path / "curves.csv").write_text("\n".join(["pressure_kpa, s, x, y", *rows]))
     results = '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n'
-    run(write_case(tmp_path, results), False, 1)
+    run(write_case(tmp_path, results), False, None, 1)
     assert "warning" not in capsys.readouterr().out
-    update_settings(load_scene(tmp_path), quiet=True)  # refuses states of another actuator
+    check_states(load_scene(tmp_path))
     states = read(tmp_path / "kinematics" / "states.h5")
     np.testing.assert_allclose(states.radius, [-0.08, 0.08, 0.04], rtol=1e-6)
     assert states.about["solver"] == "imported from curves.csv"
     assert states.width == ACTUATOR.width
-    run(write_case(tmp_path, results + '[motion]\nstates = "curves.csv"\n'), False, 1)
+    run(write_case(tmp_path, results + '[motion]\nstates = "curves.csv"\n'), False, None, 1)
     assert "nothing uses these states; give motion.source = 'fea'" in capsys.readouterr().out
 
 
@@ -57,14 +57,14 @@ def test_impossible_actuator_or_analysis_is_one_sentence(tmp_path, monkeypatch, 
     monkeypatch.setattr("pipeline.fea.cell.path.LARGEST_STEP", 4e4)  # give up soon
     monkeypatch.setattr("pipeline.fea.cell.path.LEAST_STEP", 1.5e4)
     with pytest.raises(StageError, match=words) as error:
-        run(write_case(tmp_path, more), True, 1)
+        run(write_case(tmp_path, more), True, None, 1)
     assert "\n" not in str(error.value)
 
 
 def test_partial_keeps_the_states_that_converge(tmp_path, monkeypatch):
     monkeypatch.setattr("pipeline.fea.cell.path.LARGEST_STEP", 4e4)
     monkeypatch.setattr("pipeline.fea.cell.path.LEAST_STEP", 1.5e4)
-    run(write_case(tmp_path, SMALL + "partial = true\nuncertainty = false\n"), True, 1)
+    run(write_case(tmp_path, SMALL + "partial = true\nuncertainty = false\n"), True, None, 1)
     states = read(tmp_path / "kinematics" / "states.h5")
     assert 1 <= len(states.pressure) < 5
     assert states.radius_std is None

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from pipeline.stage_settings import settings_of
-from postprocess.lab.__main__ import main
 
 from fileio.errors import StageError
+from pipeline.__main__ import main
 from pipeline.scene.scene import load_scene
 from pipeline.sheet import view_axes
-from postprocess.evidence.stage_files import StageFiles
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.data.inputs_toml import (
     Input,
     Inputs,
@@ -16,28 +15,23 @@ from postprocess.lab.data.inputs_toml import (
     input_rows,
     read_inputs,
     virtual_row,
-    write_scene,
 )
 from tests.lab_scene import CASE
 
 
 @pytest.fixture
 def case(tmp_path):
-    """A scene that extends single_finger, and its numbers as the first stages record them."""
+    """A scene that extends single_finger, and its numbers."""
     folder = tmp_path / "cases" / "finger"
     folder.mkdir(parents=True)
     (folder / "scene.toml").write_text(f'extends = "{CASE}"\n')
-    scene, numbers = load_scene(folder, "smoke"), {}
-    for stage in ("kinematics", "mesh", "case"):
-        numbers |= settings_of(scene, stage)
-    return folder, numbers
+    return folder, scene_numbers(StageFiles(load_scene(folder, "smoke")))
 
 
 def runs(case, inputs):
     """Scenes of the runs beside the nominal one, by name."""
-    files = StageFiles(case[0], "smoke")
     rows = input_rows(case[1], inputs)
-    return {name: load_scene(write_scene(files, f"inputs/{name}", o), "smoke") for name, o in rows}
+    return {name: load_scene(case[0], "smoke", o, case[0] / name) for name, o in rows}
 
 
 def test_each_run_changes_one_number(case):
@@ -79,18 +73,10 @@ def test_a_key_that_is_no_number_of_the_scene_is_refused(case, key):
         input_rows(case[1], asked(key))
 
 
-def test_a_scene_that_did_not_change_is_left_alone(case):
-    files = StageFiles(case[0], "smoke")
-    path = write_scene(files, "inputs/one", {"mesh.tip_cell": 1e-3}) / "scene.toml"
-    before = path.stat().st_mtime_ns
-    write_scene(files, "inputs/one", {"mesh.tip_cell": 1e-3})
-    assert path.stat().st_mtime_ns == before
-
-
 def test_virtual_laboratory_has_its_own_pressure(case):
     name, overrides = virtual_row(case[1], 21.0)
-    folder = write_scene(StageFiles(case[0], "smoke"), f"virtual/{name}", overrides)
-    assert load_scene(folder, "smoke").motion.strokes[-1].pressure_kpa == 21.0
+    scene = load_scene(case[0], "smoke", overrides, case[0] / name)
+    assert scene.motion.strokes[-1].pressure_kpa == 21.0
 
 
 def test_standard_uncertainties():
@@ -156,5 +142,5 @@ def test_view_of_a_laboratory_camera_stays_in_the_water():
 
 
 def test_command_asks_for_dpiv_toml(tmp_path, capsys):
-    assert main(["register", str(tmp_path), "--dpiv", str(tmp_path)]) == 2
-    assert "dpiv.toml: missing" in capsys.readouterr().err
+    assert main(["compare", str(CASE), str(tmp_path), "--level", "smoke"]) == 2
+    assert "holds no dpiv.toml" in capsys.readouterr().err

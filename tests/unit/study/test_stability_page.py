@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.study.table import read_study
+from pipeline.study.rows import read_study
 from tests.studies.stability import page
 
 DONE = {"ended": "completed", "from_nothing_fraction": "0.01", "closure_fraction": "0.3"}

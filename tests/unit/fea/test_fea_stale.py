@@ -1,15 +1,13 @@
 """A scene whose actuator has changed since the analysis of its bending states is refused."""
 
-import json
 import shutil
 
 import pytest
-from pipeline.stage_settings import update_settings
 
 from fileio.errors import StageError
 from pipeline.fea.up_to_date import check_states
+from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import load_scene
-from pipeline.study.plan import plan
 from tests.conftest import ROOT, write_scene
 
 WIDER = "[actuator]\nwidth = 0.03"
@@ -30,11 +28,11 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
 ):
     scene = write_scene(tmp_path / "scene", more=more)
     with pytest.raises(StageError) as caught:
-        update_settings(scene, quiet=True)
+        Run(scene).check("kinematics")
     for word in (*words, "scene.toml", "states.h5", "pipeline fea", "take the change back"):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
-    assert not list((scene.out / "settings").glob("*"))
+    assert not scene.out.exists()
 
 
 @pytest.mark.parametrize(
@@ -47,7 +45,7 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
     ],
 )
 def test_what_the_states_do_not_follow_from_is_left_alone(tmp_path, more):
-    update_settings(write_scene(tmp_path / "scene", more=more), quiet=True)
+    check_states(write_scene(tmp_path / "scene", more=more))
 
 
 def test_states_without_provenance_or_not_there_are_left_to_the_stage_that_reads_them(tmp_path):
@@ -74,14 +72,9 @@ def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
             check_states(load_scene(tmp_path / name, "tiny"))
 
 
-def test_a_study_is_refused_but_for_its_runs_that_are_analysed_first(tmp_path):
+def test_a_run_with_another_actuator_is_not_refused(tmp_path):
     scene = write_scene(tmp_path / "small", more=WIDER)
-    (scene.folder / "studies").mkdir()
-    table = scene.folder / "studies" / "trial.csv"
-    table.write_text("run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\n")
-    assert json.loads(plan(table).read_text())["runs"][0]["fea"]
-    table.write_text(
-        "run, level, until, actuator.width\nnarrow, tiny, kinematics, 0.02\nplain, tiny, run,\n"
-    )
-    with pytest.raises(StageError, match=r"run plain: .*actuator\.width"):
-        plan(table)
+    narrow = open_run(scene.folder, "tiny", {"actuator.width": 0.02}, tmp_path / "narrow")
+    narrow.check("kinematics")
+    with pytest.raises(StageError, match=r"actuator\.width"):
+        open_run(scene.folder, "tiny").check("kinematics")
