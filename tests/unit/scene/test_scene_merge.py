@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.scene.read_toml import merge, resolve
+from pipeline.scene.read_toml import merge, read_layers, resolve
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
 
