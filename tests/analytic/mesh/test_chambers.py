@@ -1,4 +1,4 @@
-"""Gaps between the chambers of a finger: their area, the clearance in them, and a mesh that follows them to contact."""
+"""Gaps between chambers: their area, the clearance in them, a mesh that follows to contact."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,17 @@ from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.shapes import Strip, rounded_strip, with_chambers
 from pipeline.mesh import stage as mesh
 from pipeline.mesh.planform import own_clearance
-from pipeline.scene.sections import Chambers, Finger
+from pipeline.scene.sections import Chambers
 from tests.conftest import write_scene
 
 LENGTH, HEIGHT = 0.07, 0.0167
-TABLE = "[finger.chambers]\ncount = 8\ngap = 0.002\nfloor = 0.0069\nwedge_from = 0.0095\nwedge_deg = {}\n"
+TABLE = """[finger.chambers]
+count = 8
+gap = 0.002
+floor = 0.0069
+wedge_from = 0.0095
+wedge_deg = {}
+"""
 
 
 def strip(wedge_deg: float) -> Strip:
@@ -36,7 +42,7 @@ def test_seven_gaps_of_the_given_size_are_missing(wedge_deg):
     )  # its corners are rounded by 2 mm
     wedge = HEIGHT - 0.0095
     gap = 0.002 * (HEIGHT - 0.0069) + np.tan(np.radians(wedge_deg)) * wedge**2
-    # corners of 0.7 mm: those at the ground take as much as those at the top give, within a wedge's angle
+    # corners of 0.7 mm: those at the ground take as much as those at the top give
     assert slab - outline.area == pytest.approx(7 * gap, rel=0.02)
     assert outline.exterior.is_ccw
     assert np.ptp(of.s) == pytest.approx(LENGTH, rel=1e-6)  # root, tip and ventral side stay
@@ -88,7 +94,3 @@ def test_chambers_without_walls_between_their_gaps_are_refused(tmp_path):
         StageError, match=r"finger\.chambers: 8 chambers, 9 mm from one to the next"
     ):
         kinematics.kinematics_values(write_scene(tmp_path / "s", "2d", TABLE.format(40.0)))
-
-
-def test_a_smooth_finger_has_the_settings_that_it_had_before_there_were_chambers():
-    assert "chambers" not in Finger(root=(0.0, 0.245)).model_dump(mode="json")

@@ -8,12 +8,12 @@ from tests.studies import elastic_benchmarks as known
 
 @pytest.mark.parametrize("name", ["CSM1", "CSM2"])
 def test_beam_under_its_weight(name):
-    """1.5 %: the chain does not shear, which takes 0.4 % of the displacement across and twice that along."""
+    """1.5 %: the chain does not shear: 0.4 % of the displacement across, twice that along."""
     np.testing.assert_allclose(known.at_rest_under_gravity(name), known.TIP[name], rtol=0.015)
 
 
 def test_beam_that_swings():
-    """2 % of the amplitude, for shear and the scheme's damping of higher modes; 0.5 % of the frequency."""
+    """2 % of the amplitude, for shear and damping of higher modes; 0.5 % of the frequency."""
     mean, amplitude, frequency = known.swing(5e-3)
     assert mean == pytest.approx(known.SWING[0], rel=0.02)
     assert amplitude == pytest.approx(known.SWING[1], rel=0.02)
@@ -21,7 +21,7 @@ def test_beam_that_swings():
 
 
 def test_blades_in_a_current():
-    """8 %: the published law is itself a fit, whose own error its authors do not state; the powers of the speed are theirs too."""
+    """8 %: the published law is itself a fit of unknown error; its powers of the speed hold too."""
     table = known.blades()
     np.testing.assert_allclose(table["chain"], table["published"], rtol=0.08)
     stiff = table[table["buoyancy"] == 0].set_index("cauchy")["chain"]

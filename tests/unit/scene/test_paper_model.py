@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from pipeline.fea.paper_equations import bend
 
-# P kPa, γ °, R mm for w = 24 mm, θ = 15°: the equations typed into awk, printed with six digits. In whole degrees
-# and tenths of mm they are the table in the notes on the paper (whose γ(20) = 98° is 97.48° rounded twice).
+# P kPa, γ °, R mm for w = 24 mm, θ = 15°: the equations worked out in awk
 TABLE = np.array(
     [
         (-40, -200.244, -20.0291),
