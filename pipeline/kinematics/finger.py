@@ -13,13 +13,13 @@ from fileio.formats.bending_states import States, read_states, shapes_of
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.recorded_motion import read_recorded_motion
 from pipeline.fea import paper_equations as paper_model
-from pipeline.geometry.polyline import arc_length
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
 from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.kinematics.shapes import (
     FingerShapes,
     add_tip,
+    arc_length,
     circular_states,
     rounded_strip,
     with_chambers,

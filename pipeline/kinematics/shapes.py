@@ -10,7 +10,6 @@ from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import States
-from pipeline.geometry.polyline import arc_length
 from pipeline.scene.sections import Chambers
 
 # of the width of a gap between two chambers
@@ -24,6 +23,11 @@ class Strip:
 
     s: ndarray
     eta: ndarray
+
+
+def arc_length(line: ndarray) -> ndarray:
+    """Length (point,) along a polyline (point, 2), zero at its start."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
 def rounded_strip(

@@ -57,12 +57,12 @@ def fixed_bodies(
         radius, middle = 0.5 * thing.diameter, thing.centre_height
         steps = [(radius, 0.5 * cylinder_length)]
         if thing.shape == "sphere":
-            steps = sphere_steps(radius, levels, _THIN_STEP * wall_cell)
+            steps = _sphere_steps(radius, levels, _THIN_STEP * wall_cell)
         bodies += [FixedBody("object", (_arc(r, middle, mirror),), reach) for r, reach in steps]
     return tuple(bodies)
 
 
-def sphere_steps(radius: float, levels: ndarray, thinnest: float) -> list[tuple[float, float]]:
+def _sphere_steps(radius: float, levels: ndarray, thinnest: float) -> list[tuple[float, float]]:
     """Discs (radius, reach in |z|; m) of about a sphere's volume, the middle one as wide as it.
 
     Steps of less than `thinnest` are joined with the next, so that no sliver of a ring is meshed.

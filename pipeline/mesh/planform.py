@@ -42,7 +42,7 @@ def build_planform(
     box = (-half_width, 0.0 if mirror else half_width, depth)
     tank = shapely.box(box[0], 0.0, box[1], depth).exterior
     others = _distance_to([tank, *(shapely.LinearRing(np.vstack(b.pieces)) for b in bodies)])
-    own = own_clearance(outline)
+    own = _own_clearance(outline)
 
     def clearance(points: ndarray) -> ndarray:
         return np.minimum(others(points), own(points))
@@ -95,7 +95,7 @@ def _within(body: FixedBody, nodes: ndarray, cells: ndarray) -> ndarray:
     return np.asarray(shapely.contains_xy(body.polygon, *nodes[cells].mean(1).T))
 
 
-def own_clearance(outline: ndarray) -> Clearance:
+def _own_clearance(outline: ndarray) -> Clearance:
     """Radius (m) of the largest circle that touches a closed outline from outside at points (n, 2).
 
     Between two walls that is half of their distance. It grows by no more than the way along the

@@ -121,9 +121,16 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
     low, high, middle = np.interp(ends, setting.deformation, shapes.parameter)
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
-    tank = setting.half_width, setting.depth
-    around = setting.path, setting.mirror, setting.bodies
-    planform = build_planform(shapes.outline[built], shapes.tip[built], *tank, mesh, *around)
+    planform = build_planform(
+        shapes.outline[built],
+        shapes.tip[built],
+        setting.half_width,
+        setting.depth,
+        mesh,
+        setting.path,
+        setting.mirror,
+        setting.bodies,
+    )
     share = np.zeros(len(shapes.parameter))  # of the time, by the nearest knot
     for first, end in part.intervals:
         nearest = np.abs(setting.motion[first:end, None] - shapes.parameter).argmin(1)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy import ndarray
 
-from pipeline.geometry.polyline import arc_length
+from pipeline.kinematics.shapes import arc_length
 from pipeline.scene.sections import Mesh
 
 # Shares of the width of a narrow gap: size of a cell along the walls, and height of the ring. With

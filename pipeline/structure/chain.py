@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import BendingLaw, FloatArray, States
-from pipeline.geometry.polyline import arc_length
-from pipeline.kinematics.shapes import node_angle, profile_splines
+from pipeline.kinematics.shapes import arc_length, node_angle, profile_splines
 
 ComplexArray = NDArray[np.complex128]
 _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger

@@ -11,7 +11,6 @@ from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.shapes import Strip, rounded_strip, with_chambers
 from pipeline.mesh import stage as mesh
-from pipeline.mesh.planform import own_clearance
 from pipeline.scene.sections import Chambers
 from tests.conftest import write_scene
 
@@ -55,18 +54,6 @@ def test_a_floor_too_thin_for_the_gaps_rounding_is_refused():
     of = rounded_strip(LENGTH, thickness, s, 0.002, 0.002)
     with pytest.raises(ValueError, match=r"too thin below gaps of 0.004 m.*give more than 0.0028"):
         with_chambers(of, chambers, LENGTH, thickness, s)
-
-
-def test_clearance_in_a_gap_is_half_its_width_and_nowhere_felt_on_the_ventral_side():
-    of = strip(0.0)
-    outline = np.column_stack([of.s, of.eta * HEIGHT])
-    first = 0.009 - 0.002  # where the first gap begins
-    walls = np.array([[first, 0.012], [first + 0.002, 0.012]])
-    found = own_clearance(outline)(np.vstack([walls, [0.035, 0.0]]))
-    assert found[:2] == pytest.approx(
-        0.001, abs=1e-4
-    )  # the nearest point of the outline is up to 0.1 mm away
-    assert found[2] > 0.03  # half the finger's length away along the outline
 
 
 def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):

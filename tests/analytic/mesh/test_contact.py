@@ -182,11 +182,3 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     distance = np.hypot(fine[:, 0], fine[:, 1] - 0.185).min() - 0.015
     assert distance == pytest.approx(0.5e-3, abs=1e-7)
     assert data["shape_bend"][-1] < np.radians(60)  # sooner than at the plane, 75°
-
-
-def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
-    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.007\ncorner_radius = 0.001\n"
-    data = kinematics_values(pinch_scene(tmp_path / "s", tip))
-    assert data["shape_gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data["tip_thickness"] == pytest.approx(0.007)
-    assert np.radians(50) < data["shape_bend"][-1] < np.radians(62)  # 74° without

@@ -10,7 +10,6 @@ from pipeline.case import build_mesh
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.mesh.fixed_bodies import sphere_steps
 from tests.conftest import write_scene
 
 # cells of 4 mm: fewer shapes fit
@@ -182,20 +181,3 @@ def test_a_support_that_touches_the_finger_is_refused(tmp_path):
         StageError, match=r"support.bottom = 0.2455 m leaves 0.\d+ mm above the finger.*raise it"
     ):
         meshed(tmp_path / "low", more=SUPPORT.replace("0.25", "0.2455"))
-
-
-def test_thin_steps_of_a_sphere_are_joined_without_loss():
-    levels = np.linspace(-0.02, 0.0, 41)
-    fine, joined = (sphere_steps(0.01, levels, t) for t in (1e-6, 0.8e-3))
-    assert len(joined) < len(fine)
-    assert (-np.diff([r for r, _ in joined]) >= 0.8e-3).all()
-
-    def pile(steps):
-        reach = [0.0, *(z for _, z in steps)]
-        return sum(
-            r**2 * (b - a) for (r, _), a, b in zip(steps, reach[:-1], reach[1:], strict=True)
-        )
-
-    # what differs is the middle disc, wider than its layers' mean, and the poles
-    assert pile(fine) == pytest.approx(2 / 3 * 0.01**3, rel=1e-2)
-    assert pile(joined) == pytest.approx(2 / 3 * 0.01**3, rel=5e-2)
