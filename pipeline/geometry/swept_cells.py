@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import xarray as xr
+from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_edges
@@ -16,22 +17,22 @@ from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_
 class SweptCells:
     """Columns of a planform, and the column and layer of each cell."""
 
-    outline: np.ndarray  # (column, 4, 2) corners; a triangle's last one twice
+    outline: ndarray  # (column, 4, 2) corners; a triangle's last one twice
     edges: Edges
-    centre: np.ndarray  # (column, 2) m
-    area: np.ndarray  # (column,) m²
-    middle: np.ndarray  # (edge, 2) m
-    wall_velocity: np.ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
-    levels: np.ndarray
-    column: np.ndarray
-    layer: np.ndarray
+    centre: ndarray  # (column, 2) m
+    area: ndarray  # (column,) m²
+    middle: ndarray  # (edge, 2) m
+    wall_velocity: ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
+    levels: ndarray
+    column: ndarray
+    layer: ndarray
 
     @property
-    def volume(self) -> np.ndarray:
+    def volume(self) -> ndarray:
         """Volume of each cell, m³."""
         return self.area[self.column] * np.diff(self.levels)[self.layer]
 
-    def numbers(self) -> np.ndarray:
+    def numbers(self) -> ndarray:
         """Number of the cell in each column and layer; -1 inside a body."""
         number = np.full((len(self.centre), len(self.levels) - 1), -1)
         number[self.column, self.layer] = np.arange(len(self.column))
@@ -39,7 +40,7 @@ class SweptCells:
 
 
 def swept_cells(
-    planform: xr.Dataset, sweep: xr.Dataset, nodes: np.ndarray, velocity: np.ndarray
+    planform: xr.Dataset, sweep: xr.Dataset, nodes: ndarray, velocity: ndarray
 ) -> SweptCells:
     """The cells of a mesh whose nodes are at `nodes` (node, 2; m) and move with `velocity`."""
     triangles, quads = planform["triangles"].values, planform["quads"].values
@@ -58,16 +59,16 @@ def swept_cells(
 
 
 @dataclass(frozen=True)
-class Overlap:
+class _Overlap:
     """Parts that columns of two planforms share, with area (m²) and centroid (part, 2; m)."""
 
-    source: np.ndarray
-    target: np.ndarray
-    area: np.ndarray
-    centre: np.ndarray
+    source: ndarray
+    target: ndarray
+    area: ndarray
+    centre: ndarray
 
 
-def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
+def overlap_of(source: SweptCells, target: SweptCells) -> _Overlap:
     """All parts that the columns of two planforms share."""
     old, new = (shapely.polygons(cells.outline) for cells in (source, target))
     inside, cut = shapely.STRtree(old).query(new, predicate="intersects")
@@ -75,17 +76,17 @@ def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
     area = shapely.area(shared)
     real = area > 1e-9 * target.area[inside]  # neither points nor edges
     centre = shapely.get_coordinates(shapely.centroid(shared[real]))
-    return Overlap(cut[real], inside[real], area[real], centre)
+    return _Overlap(cut[real], inside[real], area[real], centre)
 
 
 def carry(
     source: SweptCells,
     target: SweptCells,
-    overlap: Overlap,
-    values: np.ndarray,
+    overlap: _Overlap,
+    values: ndarray,
     *,
     no_slip: bool,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[ndarray, ndarray]:
     """Values (cell, n) on another mesh of the same layers: cell averages, and samples at centres.
 
     Each source cell's value is continued linearly by its gradient, so that both are exact for
@@ -118,9 +119,7 @@ def carry(
     return averaged, sampled
 
 
-def _gradients(
-    cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool
-) -> np.ndarray:
+def _gradients(cells: SweptCells, values: ndarray, number: ndarray, no_slip: bool) -> ndarray:
     """Gradients (column, axis, n) in one layer, by least squares over the neighbours.
 
     Weights are inverse squares of the distance.
