@@ -19,7 +19,6 @@ from postprocess.lab.data.inputs_toml import input_rows, read_inputs, virtual_ro
 from postprocess.lab.data.plan import plan_text
 from postprocess.lab.judgement.compare import run_comparison
 from postprocess.lab.judgement.motion import motion_sentence
-from postprocess.lab.registration.check_motion import FEWEST
 from postprocess.lab.registration.step import lab_files, run_registration
 
 Say = Callable[[object], None]
@@ -48,8 +47,6 @@ def _virtual(args: argparse.Namespace, say: Say) -> None:
 def _register(args: argparse.Namespace, say: Say, files: LabFiles, dpiv: Dpiv) -> None:
     registration = run_registration(files, dpiv, args.seed, args.quick)
     say(f"register: {motion_sentence(registration)}")
-    if 0 < registration.times.size < FEWEST:
-        say(f"register: fewer than {FEWEST} pictures (or pairs) do not show dropped frames")
 
 
 def _compare(args: argparse.Namespace, say: Say, files: LabFiles, dpiv: Dpiv) -> None:
