@@ -152,12 +152,11 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     return Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose)
 
 
-def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:
+def registration_summary(registration: Registration) -> dict[str, Any]:
     """The values found, and their differences from the stated ones, in a laboratory's units."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
     scale = pose.scale_m_per_px
-    misfit = abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit
     summary = {
         "scale_m_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
@@ -171,7 +170,6 @@ def registration_summary(registration: Registration, kinematics: Kinematics) -> 
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
-        "misfit_deg": float(np.degrees(misfit)),
     }
     if stated is not None:
         off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3

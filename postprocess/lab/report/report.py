@@ -44,7 +44,6 @@ def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]
         title=title,
         result=result,
         answer=answers.answer(result),
-        tiles=wording.tiles(result),
         rows=wording.rows(result),
         pictures=pictures,
         registration=result["registration"],
@@ -72,7 +71,7 @@ def _figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Fig
         read_fields(files.folder / "fields.h5"),
     )
     by_name = {q["name"]: q for q in result["quantities"]}
-    alt = "Circulation, core radius and jet speed over time with 95 % bands"
+    alt = "Circulation over time with 95 % bands"
     yield "series", draw.series(table, by_name, tuple(result["window_s"])), alt
     law = registration.law
     bends = registration.times - law.delay, kinematics.bend(registration.pressures)

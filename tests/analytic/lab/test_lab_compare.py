@@ -14,9 +14,8 @@ from postprocess.lab.data.inputs_toml import Inputs
 from postprocess.lab.data.pictures import outline_mask
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.data.seeding import seeding_like
-from postprocess.lab.judgement.compare import compare
+from postprocess.lab.judgement.compare import compare, quantity_table
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect
-from postprocess.lab.judgement.tables import quantity_table
 from postprocess.lab.judgement.validation import AGREES, ERROR
 from postprocess.lab.virtual.common_grid import appearance_of, outlines_px, with_finger
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment

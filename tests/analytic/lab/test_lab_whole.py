@@ -114,7 +114,7 @@ def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
     first = page[page.index('id="answer"') : page.index("</header>")]
     assert "Motion: not tested. Flow: no." in first
     assert "Vectors do not show the finger" in first
-    assert "circulation of the tip vortex" in first
+    assert "Circulation of the tip vortex" in first
 
 
 def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):

@@ -135,11 +135,7 @@ def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_
     ],
 )
 def test_a_wrong_flow_is_blamed_on_what_was_tested(quantities, blamed):
-    text = answers.answer(result(*quantities, wrong=["circulation"]))
-    assert blamed in text
-    assert "The runs exclude the mesh." in text  # 1.96 of 3 cm²/s against 20
-    left = "Not excluded: the time step, the viscosity, the two dimensions of this level"
-    assert left in text
+    assert blamed in answers.answer(result(*quantities, wrong=["circulation"]))
 
 
 @pytest.mark.parametrize("motion", [UNSURE, LONGER])
