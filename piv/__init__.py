@@ -36,29 +36,27 @@ if TYPE_CHECKING:
     from piv.vortices.settings import VortexSettings as VortexSettings
     from piv.vortices.table import tabulate_vortices as tabulate_vortices
 
-_NAMES = """
-fileio.formats.plane_series read_plane usable write_plane
-piv.correlation.options Options
-piv.correlation.pair correlate_pair
-piv.fields.derived derived
-piv.fields.lines along_line
-piv.fields.spectra space_spectrum time_spectrum
-piv.fields.statistics statistics
-piv.foreign.read open_vectors read_vectors
-piv.foreign.write write_vectors
-piv.images.calibration Calibration calibrate_plane load_calibration
-piv.images.open_recording open_recording
-piv.images.part_of_recording part_of_recording
-piv.sequence.ensemble correlate_ensemble
-piv.sequence.multiframe correlate_frames
-piv.sequence.sequence SequenceOptions correlate_recording
-piv.vortices.find find_vortices
-piv.vortices.settings VortexSettings
-piv.vortices.table tabulate_vortices
-"""
-_HOME = {
-    name: module for module, *names in map(str.split, _NAMES.split("\n")[1:-1]) for name in names
+_MODULES = {
+    "fileio.formats.plane_series": ("read_plane", "usable", "write_plane"),
+    "piv.correlation.options": ("Options",),
+    "piv.correlation.pair": ("correlate_pair",),
+    "piv.fields.derived": ("derived",),
+    "piv.fields.lines": ("along_line",),
+    "piv.fields.spectra": ("space_spectrum", "time_spectrum"),
+    "piv.fields.statistics": ("statistics",),
+    "piv.foreign.read": ("open_vectors", "read_vectors"),
+    "piv.foreign.write": ("write_vectors",),
+    "piv.images.calibration": ("Calibration", "calibrate_plane", "load_calibration"),
+    "piv.images.open_recording": ("open_recording",),
+    "piv.images.part_of_recording": ("part_of_recording",),
+    "piv.sequence.ensemble": ("correlate_ensemble",),
+    "piv.sequence.multiframe": ("correlate_frames",),
+    "piv.sequence.sequence": ("SequenceOptions", "correlate_recording"),
+    "piv.vortices.find": ("find_vortices",),
+    "piv.vortices.settings": ("VortexSettings",),
+    "piv.vortices.table": ("tabulate_vortices",),
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = ["__version__", *_HOME]
 
 
