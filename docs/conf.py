@@ -1,4 +1,4 @@
-"""The documentation site: the pages of docs/ and the docstrings, made by `make docs`. It fetches nothing from a network."""
+"""Sphinx configuration of `make docs`: pages of docs/ and docstrings, without network."""
 
 import ast
 import json
