@@ -58,12 +58,12 @@ def test_moments_are_those_of_numpy_where_vectors_are_valid():
 
 @pytest.mark.parametrize("phi", [0.0, 0.8])
 def test_standard_error_with_correlated_samples(phi):
-    """Of AR(1) the variance of the mean is (1 + phi)/(1 - phi)/n; the scatter of 432 means shows it to 5 %."""
+    """The variance of a mean of AR(1) is (1 + phi)/(1 - phi)/n; 432 means show it to 5 %."""
     count = 1024
     u = ar1(np.random.default_rng(2), count, phi)
     moments = statistics(series(u, u[::-1]))
     exact = np.sqrt((1 + phi) / (1 - phi) / count)
-    # 16 to 31 batches at 432 independent points: 1 %; batches of 64 instants are 7 correlation times: 7 % too small
+    # 16 to 31 batches at 432 points: 1 %; batches of 7 correlation times: 7 % too small
     assert np.sqrt(np.mean(moments["u_std"].values ** 2)) == pytest.approx(exact, rel=0.1)
     assert moments["u"].values.std() == pytest.approx(exact, rel=0.1)
     assert float(moments["convergence_u"][-1]) == pytest.approx(0, abs=1e-7)
@@ -144,7 +144,7 @@ def test_what_is_derived_again_with_another_scheme_is_new():
 
 @pytest.mark.parametrize("correlated", [False, True])
 def test_propagated_uncertainty_is_the_scatter_of_many_noisy_fields(correlated):
-    """Errors of known strength and correlation on an exact vortex; the scatter of 600 fields is known to 3 % at a point."""
+    """Known errors on an exact vortex; 600 fields give the scatter at a point to 3 %."""
     from scipy.ndimage import gaussian_filter
 
     rng, length, strength, count = np.random.default_rng(5), 0.004, 0.01, 600
@@ -221,7 +221,7 @@ def test_spectrum_of_a_sine_and_of_noise(gaps):
     noise = rng.normal(0, 1, (200, n))
     noise[rng.random(noise.shape) < gaps] = np.nan
     mean = np.mean([density(t, row, f, step) for row in noise], axis=0)
-    # white noise of variance 1 has the density 2 step at every frequency: 200 records of 255 frequencies, 0.5 %
+    # white noise of variance 1 has the density 2 step; 200 records of 255 frequencies: 0.5 %
     assert mean.mean() == pytest.approx(2 * step, rel=0.03)
 
 
@@ -258,7 +258,7 @@ def long_file(tmp_path, monkeypatch):
 
 
 def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
-    """Peak of the Python heap (numpy's arrays are in it) for 100 and 800 instants: the same but for the time axis."""
+    """The heap's peak is equal for 100 and 800 instants, but for the time axis."""
 
     def peak(path, work):
         with read_plane(path) as plane:
@@ -277,7 +277,7 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
         lambda p: [None for _ in along_line(p, (0.0, 0.0), (0.02, 0.01))],
         lambda p: space_spectrum(p, "x"),
     ):
-        # of statistics each doubling of the time adds a level of batch means, of a small part of a field
+        # each doubling of the time adds a level of batch means, a small part of a field
         assert peak(long, work) - peak(short, work) < 0.2 * size
 
 

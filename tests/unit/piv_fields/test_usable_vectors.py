@@ -1,4 +1,4 @@
-"""Uncertain vectors that are known count in all that is computed from a field as if they were valid; unknown ones do not."""
+"""Computations use uncertain vectors with known values like valid ones, and no unknown ones."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_without_value_or_uncertainty_no_vector_is_usable(unsure, name):
 
 
 def test_uncertain_vectors_weigh_less_in_the_fit_of_a_vortex(unsure):
-    """Those of the core are made a tenth too fast: at ten times the others' uncertainty they shift the circulation by 0.2 %, at the same by 10 %."""
+    """Core vectors are 10 % too fast: the circulation shifts by 0.2 %, or 10 % unweighted."""
     plane = unsure.isel(time=0)
     wrong = plane.assign({n: xr.where(CORE, 1.1 * plane[n], plane[n]) for n in ("u", "v")})
     far = wrong.assign({n: xr.where(CORE, 10 * plane[n], plane[n]) for n in ("u_std", "v_std")})
