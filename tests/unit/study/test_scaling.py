@@ -8,7 +8,7 @@ import pytest
 
 from fileio.errors import StageError
 from pipeline.study.predict import duration, report
-from pipeline.study.scaling_data import measured, read_data
+from pipeline.study.scaling_data import read_data
 from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_time, useful_ranks
 from tests.conftest import write_scene
 
@@ -103,16 +103,3 @@ def test_small_runs_cost_more_than_their_cells(cells, steps, taken):
     one, two, network = read_data()
     step = step_time(cells, 1, cells, fit(one, two, network), network)
     assert steps * step == pytest.approx(taken, rel=0.2)
-
-
-def test_a_step_is_read_from_the_log(tmp_path):
-    lines, clock = [], 0.0
-    for step in range(1, 101):
-        clock += 0.5 + (0.2 if step % 4 == 0 else 0.0)  # each fourth step takes a picture
-        solves = [f"GAMG:  Solving for p, x, No Iterations {count}" for count in (3, 2)]
-        lines += [f"Time = {step}", *solves, f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]
-    (tmp_path / "log.pimpleFoam").write_text("\n".join(lines))
-    timing = measured(tmp_path, 4)
-    assert timing["cycles"] == 5
-    assert timing["step_s"] == pytest.approx(0.55)
-    assert timing["serial_s"] == pytest.approx(0.05)
