@@ -10,11 +10,24 @@ import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
+from tests.synthetic_stroke import SCENE as SINGLE
 from tests.synthetic_stroke import write_case
 
 GAIN = 0.99  # of the right vortex against the left one, in the PIV
 SHIFT = 4e-4  # m: of the right vortex' centre upward, in the PIV
 LEAST_GAP = 5e-4
+SCENE = f"""
+extends = "../single_finger"
+title = "Two fingers pinch"
+[pinch]
+half_distance = 0.045
+residual_gap = {LEAST_GAP}
+slowing_distance = 0.003
+[model]
+kind = "quarter"
+[motion]
+strokes = [{{ pressure_kpa = 20.0, start = 0.0, duration = 0.4 }}]
+"""
 
 
 def mirrored(plane: xr.Dataset, at: float) -> xr.Dataset:
@@ -65,10 +78,10 @@ def write_pinch(root: Path, **options) -> Path:
     """Write the stage files of the synthetic pinch below `root`; returns cases/pinch."""
     case = write_case(root, "pinch", bend_end=np.radians(80), **options)
     out = case / "out" / "coarse"
-    (case / "scene.toml").write_text('extends = "../single_finger"\ntitle = "Two fingers pinch"\n')
+    (case / "scene.toml").write_text(SCENE)
     single = root / "cases" / "single_finger"
     single.mkdir(parents=True, exist_ok=True)
-    (single / "scene.toml").write_text('title = "A single finger"\n')
+    (single / "scene.toml").write_text(SINGLE)
     with read_plane(out / "sheet.h5") as sheet:
         outline, step = sheet["outline"].values[:, 0], 2 * float(sheet["x"][1] - sheet["x"][0])
         reach = outline[..., 0].max(axis=1)
@@ -84,16 +97,12 @@ def write_pinch(root: Path, **options) -> Path:
         table = pd.read_csv(path, comment="#")
         path.write_text(mirrored_vortices(table, at, gain, shift).to_csv(index=False))
     kinematics = read_kinematics(out / "kinematics.h5")
-    attributes = ("source", "tip_thickness")
+    attributes = ("source", "root", "length", "tip_thickness")
     values = {name: v.values for name, v in kinematics.data.variables.items()}
     values |= {name: kinematics.data.attrs[name] for name in attributes}
     gap, pressure = reach.max() - reach + LEAST_GAP, values["pressure"]
     values |= {"gap": gap, "free_pressure": 1.05 * pressure, "residual_gap": LEAST_GAP, "mirror": 1}
     values["shape_gap"] = np.interp(values["shape_parameter"], pressure, gap)
-    pinch = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
-    strokes = [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]
-    motion = kinematics.settings["motion"] | {"strokes": strokes}
-    settings = kinematics.settings | {"pinch": pinch, "motion": motion}
-    write_kinematics(out / "kinematics.h5", values, settings)
+    write_kinematics(out / "kinematics.h5", values)
     assert values["time"].shape == time.shape
     return case

@@ -80,7 +80,7 @@ def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
         raise ValueError("the study has no finished run to judge the others by")
 
     def size(row: dict[str, Any]) -> tuple[int, int]:
-        record = RUN.read(files_of(row).out / "run" / "run.json")
+        record = RUN.read(Path(row["out"]) / "run" / "run.json")
         return record["cells"], record["steps"]
 
     return str(max(done, key=size)["run"])

@@ -64,7 +64,7 @@ def test_values_that_oscillate_have_no_order_but_an_uncertainty():
 
 
 def test_grids_are_counted():
-    with pytest.raises(ValueError, match="three grids"):
+    with pytest.raises(ValueError, match="three of each"):
         three_grids(SIZES, SIZES)
-    with pytest.raises(ValueError, match="three grids at least"):
+    with pytest.raises(ValueError, match="at least three"):
         least_squares(SIZES[:2], SIZES[:2])

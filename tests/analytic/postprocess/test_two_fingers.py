@@ -122,16 +122,12 @@ def test_the_flow_parts_where_it_does(offset):
 def test_share_and_angle_of_a_stagnation_flow_are_exact():
     plane = stagnation_plane(spacing=0.001)
     lines = centreline.centreline(plane, 0.1)
-    speed, share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=True)
+    share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=True)
     # between the fingers: |x| < 0.020, 0.180 <= y <= 0.240
     assert share == 1.0
-    assert speed == pytest.approx(2.0 * (0.21 - 0.171), rel=0.01)
     assert np.tan(angle) == pytest.approx(0.010 / (0.21 - 0.171), rel=0.03)
-    speed, share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=False)
+    share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=False)
     assert share == 1.0
-    assert speed == pytest.approx(
-        2.0 * WIDTH, rel=0.05
-    )  # nodes 1 mm apart, the line on one of them
     assert np.tan(angle) == pytest.approx(0.5, rel=0.05)
 
 

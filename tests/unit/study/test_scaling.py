@@ -7,7 +7,8 @@ import re
 import pytest
 
 from fileio.errors import StageError
-from pipeline.study.predict import duration, report
+from pipeline.runs.estimate import duration
+from pipeline.study import predict
 from pipeline.study.scaling_data import read_data
 from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_time, useful_ranks
 from tests.conftest import write_scene
@@ -81,8 +82,8 @@ def test_measured_steps_are_recovered(tmp_path):
 
 def test_a_prediction_says_what_it_does_not_know(tmp_path, monkeypatch):
     """The memory of a full node is assumed: the answer is a range, with its source."""
-    monkeypatch.setattr("pipeline.study.predict.size", lambda scene: (40_000_000, 1_500_000))
-    text = report(write_scene(tmp_path / "small"))
+    monkeypatch.setattr(predict, "size", lambda scene: (40_000_000, 1_500_000))
+    text = predict.report(write_scene(tmp_path / "small"))
     answer = next(line for line in text.splitlines() if "no longer pay" in line)
     low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by the memory", answer).groups()
     about = re.search(r"about ([\d.]+) min", answer).group(1)

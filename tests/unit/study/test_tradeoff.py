@@ -183,8 +183,8 @@ def test_the_finest_finished_run_is_the_reference(tmp_path):
         ("piv", 10, 400, "vortices"),
     ):
         folder = tmp_path / name
-        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
-        RUN.write(folder / "out" / "draft" / "run" / "run.json", {"cells": cells, "steps": steps})
+        rows.append({"run": name, "out": str(folder), "until": until})
+        RUN.write(folder / "run" / "run.json", {"cells": cells, "steps": steps})
     assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
     with pytest.raises(ValueError, match="no finished run"):
         finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
