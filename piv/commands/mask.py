@@ -133,9 +133,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], nd
     if recording.times is None:
         raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate-hz")
     with open_netcdf(args.outline) as series:
-        bodies = outline_masks(
-            series, recording.times, recording.shape, pixel, (origin[0], origin[1])
-        )
+        bodies = outline_masks(series, recording.times, pixel, (origin[0], origin[1]))
     return lambda i: polygons_mask(bodies[i], recording.shape)
 
 

@@ -91,14 +91,13 @@ def not_whole(mask: ndarray, name: object) -> ndarray:
 
 
 def outline_px(outline: ndarray, pixel: float, origin_px: tuple[float, float]) -> ndarray:
-    """Outline in metres (..., 2) to px of size `pixel` (m): right of the left column and up from the bottom row."""
+    """Outline (..., 2) in m to px (of size `pixel`, m) right and up from the lower left pixel."""
     return np.asarray(outline, float) / pixel + np.asarray(origin_px, float)
 
 
 def outline_masks(
     series: xr.Dataset,
     times: ndarray,
-    shape: tuple[int, int],
     pixel: float,
     origin_px: tuple[float, float],
 ) -> list[list[ndarray]]:

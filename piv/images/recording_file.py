@@ -15,7 +15,7 @@ from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files
 HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
-ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "scene_hash", "tip_width")
+ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "tip_width")
 
 
 class RecordingFile(Recording):

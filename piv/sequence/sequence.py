@@ -275,7 +275,7 @@ class _SeriesUnits:
 def _carried(recording: Recording) -> dict[str, Any]:
     """Root attributes of the recording that stay true of its vectors."""
     names = [*CAMERA, "seed"]
-    names += ["scene_hash", "tip_width"] if recording.finger else []
+    names += ["tip_width"] if recording.finger else []
     return {n: recording.attrs[n] for n in names if recording.attrs.get(n) is not None}
 
 

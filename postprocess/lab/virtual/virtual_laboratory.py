@@ -18,7 +18,6 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.virtual.virtual_experiment import virtual_recording
 
 PAIRS_HZ, EXPOSURES_HZ = 100.0, 500.0  # of pairs, and of the two pictures of each
-COLUMNS, SCALE_MM_PER_PX = 640, 0.25
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,10 @@ def write_dpiv(
 
 
 def camera_for(
-    root: tuple[float, float], columns: int, scale_mm_per_px: float, rate: float
+    root: tuple[float, float],
+    columns: int = 640,
+    scale_mm_per_px: float = 0.25,
+    rate: float = EXPOSURES_HZ,
 ) -> Camera:
     """A 5:4 camera that sees a hanging finger from its root to where it bends."""
     rows = columns * 4 // 5

@@ -182,7 +182,7 @@ def test_a_particle_is_hidden_by_the_outline_and_not_by_its_pixels():
 @pytest.fixture
 def sheet(tmp_path):
     series = rotating(body=True)
-    write_plane(series, tmp_path / "sheet.h5", source="cfd", tip_width=0.01, scene_hash="abc")
+    write_plane(series, tmp_path / "sheet.h5", source="cfd", tip_width=0.01)
     return tmp_path / "sheet.h5"
 
 
@@ -193,7 +193,7 @@ def test_recording_holds_frames_mask_and_truth(sheet, tmp_path):
         assert file.attrs["format"] == "recording"
         assert file["frames"].shape == (7, 128, 160)
         assert file["frames"].dtype == np.uint8
-        assert file.attrs["scene_hash"] == "abc"
+        assert file.attrs["tip_width"] == 0.01
         assert json.loads(file.attrs["camera"])["scale_mm_per_px"] == 0.25
         assert "outline" in file
     with read_plane(tmp_path / "images_truth.h5") as truth:
