@@ -1,4 +1,4 @@
-"""The documentation site: the pages of docs/ and the docstrings, made by `make docs-site`. It fetches nothing from a network."""
+"""The documentation site: the pages of docs/ and the docstrings, made by `make docs`. It fetches nothing from a network."""
 
 import ast
 import json
