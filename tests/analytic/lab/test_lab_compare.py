@@ -81,7 +81,7 @@ def compared(tmp_path_factory):
             direct,
             window,
             settings,
-            24 * pose.scale_m_per_px,
+            24 * pose.pixel,
             False,
             0.0,
             True,

@@ -47,7 +47,7 @@ def measured_by(kinematics, gain: float, corner: tuple[float, float]):
 
     In axes whose lower left vector is at `corner` (m).
     """
-    pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
+    pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
     water = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
     plane = camera_series(water, pose, x, y, 0.05 + np.arange(30) / 100.0)

@@ -42,7 +42,7 @@ def folder(name: str) -> Path:
 
 
 def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:
-    save_calibration(Calibration(1e-4), tmp_path / "calibration.json")
+    save_calibration(Calibration(0.1), tmp_path / "calibration.json")
     (tmp_path / "dpiv.toml").write_text(
         TOML.format(files=folder(source) / files, calibration="calibration.json", x=x)
     )
