@@ -23,10 +23,7 @@ from postprocess.lab.judgement.motion import motion_sentence
 from postprocess.lab.registration.check_motion import FEWEST
 from postprocess.lab.registration.step import run_registration
 from postprocess.lab.virtual.virtual_laboratory import (
-    COLUMNS,
-    EXPOSURES_HZ,
     PAIRS_HZ,
-    SCALE_M_PER_PX,
     SetUp,
     camera_for,
     make_recording,
@@ -79,7 +76,7 @@ def virtual_laboratory(run: Run, pressure_kpa: float, machine: Machine, quiet: b
     sheet_file = other.out / "view.h5"
     make_sheet(other, _VIRTUAL_VIEW, sheet_file, quiet)
     x, y = other.scene.finger.root
-    camera = camera_for((x, y), COLUMNS, SCALE_M_PER_PX, EXPOSURES_HZ)
+    camera = camera_for((x, y))
     set_up = SetUp(camera, Seeding(density_ppp=0.05))
     folder = other.out / f"virtual_{name}"
     folder.mkdir(exist_ok=True)
