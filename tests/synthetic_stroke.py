@@ -15,10 +15,9 @@ import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform
+from fileio.formats.mesh_intervals import Interval, write_planform, write_sweep
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.formats.records import COST
-from fileio.formats.sweep import write_sweep
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
