@@ -7,6 +7,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.mesh_intervals import IntervalMesh, read_meshes
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.finger import FingerMotion, finger_motion
@@ -50,6 +52,11 @@ def write_scene(
 def motion_of(scene: Scene) -> FingerMotion:
     """The motion of a scene's finger."""
     return finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
+
+
+def meshes_of(scene: Scene) -> list[IntervalMesh]:
+    """The meshes of a scene's intervals."""
+    return read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
 
 
 @pytest.fixture

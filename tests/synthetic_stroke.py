@@ -15,9 +15,8 @@ import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform
+from fileio.formats.mesh_intervals import Interval, write_planform, write_sweep
 from fileio.formats.plane_series import make_plane, write_plane
-from fileio.formats.sweep import write_sweep
 from fileio.record import write_record
 
 ROOT = np.array([0.0, 0.24])

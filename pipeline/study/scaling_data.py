@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals
-from fileio.formats.sweep import read_sweep
+from fileio.formats.mesh_intervals import read_intervals, read_sweep
 from fileio.toml_text import read_toml
 from pipeline.scene.scene import Scene
 from pipeline.study.scaling_model import Network
