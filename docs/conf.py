@@ -1,4 +1,4 @@
-"""Sphinx configuration of `make docs-site`: pages of docs/ and docstrings, without network."""
+"""Sphinx configuration of `make docs`: pages of docs/ and docstrings, without network."""
 
 import ast
 import json

@@ -99,7 +99,10 @@ STAGES = (
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
-        ("vortices_cfd", "vortices_piv"), ("comparison.json", "*.csv"), cost=(30, 600),
+        ("vortices_cfd", "vortices_piv"),
+        ("comparison.json", "co*.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
+         "halves_*.csv"),
+        cost=(30, 600),
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads, and how far they would bend",

@@ -114,11 +114,13 @@ def with_units(plane: xr.Dataset, length: str, velocity: str, time: str) -> xr.D
 
 
 def _agreed(
-    name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]
+    name: str, option: str, stated: str | None, option_value: str | None, known: Sequence[str]
 ) -> str:
-    if stated and given and stated != given:
-        raise ValueError(f"{name}: {option} {given} contradicts the file, which states {stated}")
-    value = stated or given
+    if stated and option_value and stated != option_value:
+        raise ValueError(
+            f"{name}: {option} {option_value} contradicts the file, which states {stated}"
+        )
+    value = stated or option_value
     if not value:
         raise ValueError(f"{name}: the file does not state it; give {option} ({', '.join(known)})")
     if value not in known:

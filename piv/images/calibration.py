@@ -29,12 +29,10 @@ MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for v
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
 NEWTON_STEPS = 8
-MAX_STRETCH = (
-    3.0  # in area against the board: more is the lens model running away where it saw no target
-)
-INVERSE_PX = (
-    1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
-)
+# in area against the board: more is the lens model running away where it saw no target
+MAX_STRETCH = 3.0
+# where undistorting misses by more, the lens model has no inverse: such points are absent
+INVERSE_PX = 1e-3
 UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 

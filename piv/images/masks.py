@@ -12,9 +12,8 @@ from numpy import ndarray
 
 from piv.images.open_recording import row_to_y_px
 
-MIN_CONTRAST = (
-    1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
-)
+# of particle images to a body: below it a threshold would cut the light sheet's own shade
+MIN_CONTRAST = 1.6
 MOST = 0.99  # of the picture: a larger mask leaves nothing to correlate, and is a photograph
 OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV

@@ -45,7 +45,7 @@ class _PartOfRecording(Recording):
         super().__init__(whole.name, len(whole), None)
         self.whole, self.masks = whole, masks
         self.attrs, self.times = whole.attrs, whole.times
-        self.finger, self.variable = whole.finger, whole.variable
+        self.finger = whole.finger
         rows, columns = whole.shape
         x0, y0, x1, y1 = roi or (0, 0, columns - 1, rows - 1)
         left, bottom = max(0, math.ceil(x0)), max(0, math.ceil(y0))
@@ -67,6 +67,10 @@ class _PartOfRecording(Recording):
         if self.masks is not None:
             own = self.masks.of(i) if own is None else self.masks.of(i) | own
         return None if own is None else np.ascontiguousarray(own[self.cut])
+
+    def variable(self, name: str, frames: slice) -> ndarray:
+        """A variable of `finger` at some frames (frame, ...)."""
+        return self.whole.variable(name, frames)
 
     def close(self) -> None:
         """Close the whole recording."""

@@ -80,7 +80,7 @@ class SequenceOptions:
             )
 
 
-def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
+def _frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     """Indices of the frames of every vector field."""
     if options.frames == 2:
         return [
@@ -112,7 +112,7 @@ def correlate_recording(
     The result depends neither on that nor on the number of threads.
     chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
     """
-    sets = frame_sets(len(recording), sequence)
+    sets = _frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if chunk and part:
         if sequence.ensemble:

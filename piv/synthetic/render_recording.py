@@ -18,9 +18,8 @@ from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.truth import write_truth
 from piv.synthetic.virtual_camera import Recorder, finger_at
 
-CHECKPOINT_FRAMES = (
-    50  # an interrupted rendering carries the particles over at most so many frames again
-)
+# an interrupted rendering carries the particles over at most so many frames again
+CHECKPOINT_FRAMES = 50
 
 
 def render_recording(

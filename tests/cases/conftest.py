@@ -26,7 +26,7 @@ def project(tmp_path_factory):
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
     """Run a user's make at level smoke."""
-    options = ("--no-print-directory", "LEVEL=smoke", "QUIET=1", "READY=Makefile")
+    options = ("--no-print-directory", "LEVEL=smoke", "QUIET=1")
     command, environment = ["make", *options, *arguments], inner_environment()
     return subprocess.run(
         command, cwd=project, capture_output=True, text=True, check=False, env=environment

@@ -1,6 +1,5 @@
 """The comparison from dpiv.toml to the page: vectors of every kind, and a recording."""
 
-import json
 import shutil
 
 import h5py
@@ -9,6 +8,8 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.plane_series import write_plane
+from fileio.formats.records import RUN
+from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.files import LabFiles
@@ -30,17 +31,15 @@ def finger(tmp_path_factory):
     """A scene's files, its kinematics, and a simulation whose flow is an analytic vortex."""
     case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
     out = case / "out" / "smoke"
-    for folder in (case / "reference", out / "settings", out / "run"):
+    for folder in (case / "reference", out / "run"):
         folder.mkdir(parents=True)
-    (case / "scene.toml").write_text(f'extends = "{CASE}"\n')
+    vortices = "[vortices]\nstencil_radius = 0.004\n"
+    (case / "scene.toml").write_text(f'extends = "{CASE}"\n{vortices}')
     (case / "reference" / "inputs.toml").write_text(INPUTS)
-    settings = {"stencil_radius": 0.004, "min_circulation": 2e-4, "weights": "equal"}
-    (out / "settings" / "vortices.json").write_text(json.dumps(settings))
-    (out / "run" / "run.json").write_text(
-        json.dumps({"format": "run", "format_version": 1, "versions": {}, "scene_hash": "0"})
-    )
+    RUN.write(out / "run" / "run.json", {})
     kinematics = finger_kinematics(out)
-    return StageFiles(case, "smoke"), kinematics, vortex_series(kinematics, TIMES, spacing=SPACING)
+    files = StageFiles(load_scene(case, "smoke"))
+    return files, kinematics, vortex_series(kinematics, TIMES, spacing=SPACING)
 
 
 def measured_by(kinematics, gain: float, corner: tuple[float, float]):
@@ -102,7 +101,7 @@ def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(finger, tmp
     plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
     dpiv = read_dpiv(exported(plane, "microvec", tmp_path / "back", root))
     with pytest.raises(StageError, match=r"kinematics\.h5: shape_bend neither rises nor falls"):
-        run_registration(LabFiles(StageFiles(case, "smoke"), dpiv.name), dpiv)
+        run_registration(LabFiles(StageFiles(load_scene(case, "smoke")), dpiv.name), dpiv)
 
 
 def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):

@@ -1,4 +1,4 @@
-"""The project's signature test: sheet -> images -> PIV -> vortex equals the vortex taken from the sheet itself."""
+"""Signature test: sheet -> images -> PIV -> vortex equals the vortex of the sheet."""
 
 import h5py
 import numpy as np
@@ -41,7 +41,8 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
     seen = find_vortices(make_plane(x, y, u, v))[0]
     with read_plane(tmp_path / "images_truth.h5") as truth:
         known = find_vortices(truth.isel(time=0).load())[0]
-    # allowed to a whole recording: circulation within 5 % and centre within 1.5 mm; one pair of noisy pictures reaches a fifth of that in place
+    # allowed to a whole recording: circulation within 5 % and centre within 1.5 mm; one pair of
+    # noisy pictures reaches a fifth of that in place
     assert seen.circulation == pytest.approx(known.circulation, rel=0.05)
     assert np.hypot(seen.x - known.x, seen.y - known.y) < 0.3e-3
     assert seen.core_radius == pytest.approx(

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from tests.studies.faults import conditions, kill
-from tests.studies.faults.project import PRODUCTS, SCENE, copy_project, make
+from tests.studies.faults.project import SCENE, TARGETS, copy_project, make
 from tests.studies.pages import write_table
 
 KILL_COLUMNS = ("stage", "kills", "runs_compared", "difference", "date")
@@ -24,9 +24,8 @@ GOOD = ("", "works", "as undisturbed")
 
 def _make_before(project: Path, stage: str) -> None:
     """Make what a stage needs."""
-    order = list(PRODUCTS)
-    if stage != order[0]:
-        done = make(project, f"{SCENE}.{order[order.index(stage) - 1]}")
+    if stage != TARGETS[0]:
+        done = make(project, f"{SCENE}.{TARGETS[TARGETS.index(stage) - 1]}")
         assert done.returncode == 0, done.stderr[-2000:]
 
 
@@ -49,7 +48,7 @@ def main() -> int:
     parser.add_argument("--tables", type=Path, default=Path("docs/stability"), help="their folder")
     parser.add_argument("--folder", type=Path, help="of the project's copy (default: temporary)")
     args = parser.parse_args()
-    stages = args.stages.split(",") if args.stages else list(PRODUCTS)
+    stages = args.stages.split(",") if args.stages else TARGETS
     failures = 0
     with tempfile.TemporaryDirectory() as temporary:
         folder = args.folder or Path(temporary)

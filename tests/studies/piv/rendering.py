@@ -1,4 +1,4 @@
-"""Speed of the renderer: a vortex that drifts through a plane series, taken with the recording's own camera and seeding."""
+"""Speed of the renderer: a vortex that drifts through a plane series."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def rendering() -> str:
         for label, (plain, exact) in speeds.items()
     )
     return (
-        f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, planes of {SPACING_PX} px spacing, "
+        f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, "
+        f"planes of {SPACING_PX} px spacing, "
         f"0.04 ppp, noise, written as recordings are): {rates}."
     )
 
