@@ -54,7 +54,7 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
 
 
 def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
-    """A sentence with its `verdict`: met, not met (one finding is not), not judged, not testable."""
+    """A sentence with its `verdict`: met, not met, not judged or not testable."""
     met = [check["met"] for check in checks if check["id"] in sentence.findings]
     verdict = (
         "not met"
