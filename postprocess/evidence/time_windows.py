@@ -72,7 +72,7 @@ class Clock:
 
 def read_window(value: Any, where: str) -> Window:
     """The window that a finding gives; ValueError names the place where it is none of the forms."""
-    table = {"bend": value} if isinstance(value, list) else value
+    table: Any = {"bend": value} if isinstance(value, list) else value
     keys = set(table) if isinstance(table, dict) else set()
     if keys not in ({"bend"}, {"gap"}, {"contact"}, {"stroke", "part"}, {"stroke", "after"}):
         raise ValueError(f"{where}: window = {value!r} must be one of {_FORMS}")
