@@ -73,7 +73,7 @@ def judged():
         "scene": "finger", "level": "coarse", "data": "A laboratory", "window_s": [0.1, 0.2],
         "instants": 12, "appearance": {}, "registration": whole["registration"] | registration,
         "provenance": {
-            "scene_hash": "0" * 16, "dpiv_sha256": "0" * 64, "seed": 1,
+            "dpiv_sha256": "0" * 64, "seed": 1,
             "versions": {"python": "3.11"},
         },
     }  # fmt: skip
