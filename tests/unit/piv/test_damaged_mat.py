@@ -10,7 +10,7 @@ from scipy.io import savemat
 from piv.foreign.pivlab import instants
 from piv.foreign.read import read_vectors
 
-DOUBLE, CELL, CHAR, STRUCT = 6, 1, 4, 2  # classes
+DOUBLE, CELL = 6, 1  # classes
 
 
 def element(kind, content):
