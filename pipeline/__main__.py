@@ -22,7 +22,9 @@ PROJECT = Path(__file__).resolve().parents[1]
 SNAKEMAKE = PROJECT / ".venv-study" / "bin" / "snakemake"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 # values that make hands on by the environment
-MAKE_VALUES = ["LEVEL", "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES", "WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK", "PRESSURE"]
+MAKE_VALUES = ["LEVEL", "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET"]
+MAKE_VALUES += ["SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES"]
+MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK", "PRESSURE"]
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App("softfinger", help=__doc__, version=__version__)
