@@ -22,7 +22,7 @@ from fileio.record import check_whole
 
 
 @dataclass(frozen=True)
-class Variable:
+class _Variable:
     """A variable over `dims` ("time, axis"), or an attribute where they are "-".
 
     A dimension with a question mark ("time?, y, x") may be absent. Where `finite`, NaN and ∞ are
@@ -63,7 +63,7 @@ class Variable:
         return None
 
 
-def variables(table: str) -> tuple[Variable, ...]:
+def variables(table: str) -> tuple[_Variable, ...]:
     """Variables from rows of name, dimensions, units ("-": none) and meaning, two spaces apart.
 
     `?` after a name: optional; `~`: NaN and ∞ are allowed. An indented line continues its row.
@@ -73,7 +73,7 @@ def variables(table: str) -> tuple[Variable, ...]:
         for row in re.sub(r"\n +", " ", table.strip()).split("\n")
     ]
     return tuple(
-        Variable(name.rstrip("?~"), dims, units.strip("-"), meaning, "?" in name, "~" not in name)
+        _Variable(name.rstrip("?~"), dims, units.strip("-"), meaning, "?" in name, "~" not in name)
         for name, dims, units, meaning in rows
     )
 
@@ -84,8 +84,8 @@ class Schema:
 
     format: str
     remedy: str
-    root: tuple[Variable, ...]
-    group: tuple[Variable, ...] = ()
+    root: tuple[_Variable, ...]
+    group: tuple[_Variable, ...] = ()
     version: int = 1
 
     @property
@@ -149,7 +149,7 @@ class Schema:
 
 
 def _dataset(
-    declared: tuple[Variable, ...], values: Mapping[str, Any], units: Mapping[str, str]
+    declared: tuple[_Variable, ...], values: Mapping[str, Any], units: Mapping[str, str]
 ) -> xr.Dataset:
     known = {variable.name: variable for variable in declared}
     arrays = {

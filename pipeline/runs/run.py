@@ -152,6 +152,11 @@ def open_run(
     return Run(load_scene(folder, level, overrides, out), overrides, analysed)
 
 
+def run_of(row: Mapping[str, Any]) -> Run:
+    """The run that a row of a study's plan describes."""
+    return open_run(row["folder"], row["level"], row["overrides"], Path(row["out"]))
+
+
 def targets(target: str) -> list[str]:
     """The stages that a target names: a stage, or a group of them. StageError for another name."""
     if target == FEA.name:

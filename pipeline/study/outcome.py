@@ -13,7 +13,7 @@ from fileio.provenance import digest
 from fileio.record import read_record, write_record
 from pipeline.openfoam.environment import foam_version
 from pipeline.runs.make import Machine, make
-from pipeline.runs.run import open_run
+from pipeline.runs.run import run_of
 
 OUTCOME = "outcome"
 LONGEST = 7200.0  # s; a stage that takes longer counts as hung
@@ -23,8 +23,7 @@ _LONGEST_REASON = 400  # characters
 def outcome_digest(about: dict[str, Any]) -> str:
     """Digest of the inputs of an outcome: the run up to its last stage, and OpenFOAM."""
     try:
-        run = open_run(about["folder"], about["level"], about["overrides"], Path(about["out"]))
-        made_from = run.digest(about["until"])
+        made_from = run_of(about).digest(about["until"])
     except StageError as error:
         made_from = str(error)
     return digest([made_from, about["until"], foam_version()])
@@ -41,18 +40,13 @@ def write_outcome(about: dict[str, Any], machine: Machine) -> None:
     out, until = Path(about["out"]), about["until"]
     result: dict[str, Any] = {"ended": "completed", "ended_at": until, "reason": ""}
     try:
-        run = open_run(about["folder"], about["level"], about["overrides"], out)
-        make(run, until, machine, quiet=True, longest=LONGEST)
+        make(run_of(about), until, machine, quiet=True, longest=LONGEST)
     except StageError as error:
         result = _ended(str(error))
     except RuntimeError as error:
         stage, _, text = str(error).partition(": ")
         result = {"ended": "crashed", "ended_at": stage, "reason": text}
-    for place in (
-        out.resolve(),
-        out,
-        Path(about["folder"]),
-    ):  # a reason is independent of the folder
+    for place in (out.resolve(), out, about["folder"]):  # a reason is independent of the folder
         result["reason"] = result["reason"].replace(f"{place}/", "")
     result["reason"] = result["reason"][:_LONGEST_REASON]
     if until == "run":  # no later stage reads the solver's case

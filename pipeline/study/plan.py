@@ -11,7 +11,7 @@ from fileio.formats.records import STUDY_PLAN
 from fileio.record import record_path
 from pipeline.runs.estimate import estimate
 from pipeline.runs.make import Machine, make_stage
-from pipeline.runs.run import Run, open_run
+from pipeline.runs.run import Run, open_run, run_of
 from pipeline.runs.stages import BY_NAME
 from pipeline.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from pipeline.study.rows import Row, open_row
@@ -45,11 +45,6 @@ def plan_scene(folder: Path, level: str, ranks: int) -> Path:
     jobs: dict[str, dict[str, Any]] = {}
     _add_jobs(jobs, {}, run, about)
     return _write(folder, f"run_{level}", [about], jobs)
-
-
-def run_of(about: dict[str, Any]) -> Run:
-    """The run that a plan describes."""
-    return open_run(about["folder"], about["level"], about["overrides"], Path(about["out"]))
 
 
 def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = False) -> None:
@@ -104,8 +99,15 @@ def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
         costs = [estimate(run, stage) for stage in run.stale(about["until"])]
         minutes += round(MARGIN * sum(cost[0] for cost in costs) / 60)
         memory += round(MARGIN * max((cost[1] for cost in costs), default=0))
-    return {"run": about["run"], "stage": OUTCOME, "digest": outcome_digest(about), "inputs": [],
-            "ranks": about["ranks"], "minutes": minutes, "memory_mb": memory}  # fmt: skip
+    return {
+        "run": about["run"],
+        "stage": OUTCOME,
+        "digest": outcome_digest(about),
+        "inputs": [],
+        "ranks": about["ranks"],
+        "minutes": minutes,
+        "memory_mb": memory,
+    }
 
 
 def _write(home: Path, study: str, runs: list[dict[str, Any]], jobs: dict[str, Any]) -> Path:

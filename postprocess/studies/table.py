@@ -14,7 +14,7 @@ from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import FORCES, RUN, STUDY_PLAN
 from fileio.record import read_record
-from pipeline.runs.run import Run, open_run
+from pipeline.runs.run import run_of
 from pipeline.runs.stages import BY_NAME, until
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles
@@ -30,11 +30,6 @@ def read_plan(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing; run the study with make study STUDY=… first")
     return STUDY_PLAN.read(path)
-
-
-def run_of(row: dict[str, Any]) -> Run:
-    """The run that a row of a plan describes."""
-    return open_run(row["folder"], row["level"], row["overrides"], Path(row["out"]))
 
 
 def files_of(row: dict[str, Any]) -> StageFiles:

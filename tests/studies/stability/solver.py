@@ -13,9 +13,9 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import STUDY_PLAN
 from fileio.record import read_record
+from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene
 from pipeline.study.outcome import OUTCOME, outcome_is_there
-from pipeline.study.plan import run_of
 
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
 # Possible peak forces, over added mass and drag of a plate as long as the finger.
