@@ -57,7 +57,7 @@ def run(
     dry_run: Switch = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make what is stale of a scene's results, up to a stage.
+    """Make the stale results of a scene, up to a stage.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def run(
     slurm
         As batch jobs.
     dry_run
-        Say what would be made and why, and make nothing.
+        Print what would be made and why; make nothing.
     """
     from pipeline.runs.make import Machine, make
 
@@ -76,7 +76,7 @@ def run(
         raise StageError(f"NP={ranks}: give 1 or more")
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     if coupled and (slurm or accuracy or budget or hosts or collated or set_):
-        raise StageError("COUPLED=1 takes LEVEL, NP and QUIET alone")
+        raise StageError("COUPLED=1 accepts only LEVEL, NP and QUIET")
     if slurm and until != "report":
         raise StageError("SLURM=1 goes with a whole scene or a study, not with one stage")
     if coupled and until != "report":
@@ -149,7 +149,7 @@ def study(
 
 @app.command
 def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
-    """Measure what accuracy costs: the study of a scene that ACCURACY and BUDGET need."""
+    """Measure the cost of accuracy, which ACCURACY and BUDGET need."""
     from postprocess.studies.tradeoff import write_tradeoff
 
     write_tradeoff(study(scene / "studies" / "tradeoff.csv"))

@@ -1,4 +1,4 @@
-"""A made-up pinch: the made-up stroke of tests/synthetic_stroke.py and its mirror image, with known errors of the PIV."""
+"""A synthetic pinch: tests/synthetic_stroke.py and its mirror image, with known PIV errors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ strokes = [{{ pressure_kpa = 20.0, start = 0.0, duration = 0.4 }}]
 
 
 def mirrored(plane: xr.Dataset, at: float) -> xr.Dataset:
-    """The part of a plane series left of the node x = `at` and its mirror image, with that node as x = 0: u is odd."""
+    """The part of a plane series left of the node x = `at`, shifted to x = 0 and mirrored."""
     x = plane["x"].values
     last = int(np.argmin(np.abs(x - at)))
     assert abs(x[last] - at) < 1e-9
@@ -75,7 +75,7 @@ def mirrored_vortices(table: pd.DataFrame, at: float, gain: float, shift: float)
 
 
 def write_pinch(root: Path, **options) -> Path:
-    """Write all stage files of the made-up pinch below `root`/cases/pinch/out/coarse; returns cases/pinch."""
+    """Write the stage files of the synthetic pinch below `root`; returns cases/pinch."""
     case = write_case(root, "pinch", bend_end=np.radians(80), **options)
     out = case / "out" / "coarse"
     (case / "scene.toml").write_text(SCENE)

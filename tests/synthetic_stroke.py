@@ -1,7 +1,7 @@
-"""A made-up single-finger stroke with every stage file that the report reads; all of it analytic.
+"""An analytic single-finger stroke with all stage files that the report reads.
 
-A finger of constant curvature hangs from (0, 0.24) m, bends 0 to `bend_end` towards +x by a three-pole law, and a
-Lamb–Oseen vortex grows on the dorsal side of its tip: clockwise (negative) when it bends towards +x.
+A finger of constant curvature hangs from (0, 0.24) m and bends from 0 to `bend_end` towards +x by a
+three-pole law. A Lamb–Oseen vortex grows on the dorsal side of its tip, clockwise (negative).
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform
+from fileio.formats.mesh_intervals import Interval, write_planform, write_sweep
 from fileio.formats.plane_series import make_plane, write_plane
-from fileio.formats.sweep import write_sweep
 from fileio.record import write_record
 
 ROOT = np.array([0.0, 0.24])
@@ -119,7 +118,7 @@ def true_vortex(time: np.ndarray, bend_end: float) -> dict[str, np.ndarray]:
 def stroke_plane(
     time: np.ndarray, bend_end: float, spacing: float, noise: float = 0.0, seed: int = 1
 ) -> xr.Dataset:
-    """The plane series of the stroke: swirl, and far inside it the drift that follows the tip upward."""
+    """The plane series of the stroke: the vortex and a drift that follows the tip upward."""
     x = np.arange(-0.05, 0.11 + spacing / 2, spacing)
     y = np.arange(0.135, 0.263 + spacing / 2, spacing)
     gx, gy = np.meshgrid(x, y)
@@ -161,7 +160,7 @@ def vortex_table(
     noise: float = 0.0,
     seed: int = 2,
 ) -> pd.DataFrame:
-    """Rows of vortices.csv: the tip vortex (track 3) and a weak far one (track 1); `gain`, `shift` (m) are errors."""
+    """Rows of vortices.csv: tip vortex (track 3), far one (track 1); errors gain, shift (m)."""
     rng = np.random.default_rng(seed)
     finger, true = finger_series(bend_law(time, bend_end)), true_vortex(time, bend_end)
     rows = []

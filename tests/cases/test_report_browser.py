@@ -65,7 +65,7 @@ def judged():
         quantity(name, -2.3e-3, 3e-4, verdict, unit=unit) | numbers
         for name, (verdict, unit) in verdicts.items()
     ]
-    names = "scale_m_per_px scale_std_percent turn_deg turn_std_deg delay_ms delay_std_ms"
+    names = "scale_mm_per_px scale_std_percent turn_deg turn_std_deg delay_ms delay_std_ms"
     registration = dict.fromkeys(names.split(), 0.1)
     registration |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
     whole = lab_result(*quantities, wrong=["final_bend"])

@@ -109,8 +109,8 @@ def test_the_mean_circulations_say_of_how_many_instants_they_are(made):
 
 def test_known_differences_come_out_of_the_files(made):
     checks = {c["id"]: c for c in result(made)["checks"]}
-    # made with a gain of 0.98 and 0.5 % of noise, and with centres 0.3 mm off plus 0.05 mm of noise each way; between
-    # instants 20 ms apart the vortex goes 8 mm on a curve of 40 mm radius, which a chord cuts by up to 0.2 mm
+    # gain 0.98 with 0.5 % of noise; centres 0.3 mm off with 0.05 mm of noise in x and y; between
+    # instants of 20 ms the chord of the vortex path is up to 0.2 mm off its curve
     assert checks["circulation-agrees"]["measured"]["piv-cfd"] == pytest.approx(0.02, abs=0.005)
     assert checks["centre-agrees"]["measured"]["piv-cfd"] == pytest.approx(3e-4, abs=2e-4)
     assert checks["tip-vortex-dorsal"]["measured"] == {"cfd": "dorsal", "piv": "dorsal"}
@@ -237,7 +237,8 @@ def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
     check = next(c for c in result(pinched)["checks"] if c["id"] == "pair-forward")
     assert check["met"] is None
     assert check["notes"] == [
-        "the single finger at level coarse was not run, so nothing is compared with it: make single_finger LEVEL=coarse"
+        "the single finger at level coarse was not run, so nothing is compared with it:"
+        " make single_finger LEVEL=coarse"
     ]
 
 
@@ -281,7 +282,7 @@ def test_processes_change_no_picture(made, tmp_path):
 
 
 def test_the_single_finger_beside_is_compared_at_equal_bend(pinched, tmp_path):
-    """The made-up single finger is the left finger itself: no shift but that of the PIV's errors."""
+    """The synthetic single finger equals the left finger: the only shift is PIV error."""
     shutil.copytree(pinched.scene_folder.parent, tmp_path / "cases")
     write_case(tmp_path, "single_finger", bend_end=np.radians(80), spacing=0.004, frames=21)
     files = opened(tmp_path / "cases" / "pinch")

@@ -1,4 +1,4 @@
-"""Two fingers with known flow and vortices: pairing, the parting line, the region between, windows by gap and contact."""
+"""Two fingers with known flow: vortex pairs, parting line, region between, time windows."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_shift_is_taken_at_equal_bend_not_at_equal_time():
 
 
 def stagnation_plane(spacing=0.002, height=0.171, rate=2.0, offset=0.0):
-    """u = −k x, v = k (y − height) between two upright fingers, p falling with y; `offset` shifts the columns off x = 0."""
+    """u = −k x, v = k (y − height) between two upright fingers; `offset` shifts the columns."""
     x = np.arange(-0.06, 0.0601, spacing) + offset
     y = np.arange(0.10, 0.2401, spacing)
     gx, gy = np.meshgrid(x, y)

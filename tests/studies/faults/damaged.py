@@ -1,4 +1,4 @@
-"""The inputs of every stage of a finished run, each damaged in twelve ways: each must be refused."""
+"""The inputs of every stage of a finished run, each damaged in twelve ways: all must be refused."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_a_prediction_says_what_it_does_not_know(tmp_path, monkeypatch):
     monkeypatch.setattr(predict, "size", lambda scene: (40_000_000, 1_500_000))
     text = predict.report(write_scene(tmp_path / "small"))
     answer = next(line for line in text.splitlines() if "no longer pay" in line)
-    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by how well", answer).groups()
+    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by the memory", answer).groups()
     about = re.search(r"about ([\d.]+) min", answer).group(1)
     assert float(low) < float(about) < float(high) < 3.5 * float(low)
     assert "Galeazzo" in text
