@@ -26,8 +26,8 @@ from pydantic.fields import FieldInfo
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from pipeline.kinematics import stage as kinematics
-from pipeline.runs.make import SETTINGS
 from pipeline.scene.limits import MAX_CELLS, MAX_CPU, MAX_DISK
+from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
 
@@ -145,8 +145,8 @@ def _outcome(text: str, folder: Path) -> str:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             scene = load_scene(folder, "smoke")
-            for settings_of in SETTINGS.values():
-                settings_of(scene)
+            render_settings(scene.camera, scene.sheet)
+            piv_settings(scene.piv, scene.camera)
             kinematics.run(scene, quiet=True)
         size, sentences = predicted(scene), scene.remarks()
         assert size.cells <= MAX_CELLS, size
