@@ -72,7 +72,7 @@ def compare_with(
 
 
 def virtual_laboratory(run: Run, pressure_kpa: float, machine: Machine, quiet: bool) -> Path:
-    """Render a recording of a run at another pressure, with errors of set-up; returns its folder."""
+    """Render a recording of a run at another pressure, with errors of set-up; its folder."""
     name, values = virtual_row(scene_numbers(StageFiles(run.scene)), pressure_kpa)
     other = _beside(run, "virtual", name, values)
     make(other, "run", machine, quiet)
