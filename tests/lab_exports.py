@@ -31,7 +31,7 @@ vectors = {{ std_px = 0.05{vectors} }}
 
 
 def _pivlab(plane):
-    """x, y, u, v and vector type (0 where masked) of each instant as PIVlab has them: px, y down."""
+    """x, y, u, v and vector type (0: masked) of each instant as PIVlab has them: px, y down."""
     x, y = np.meshgrid(plane["x"].values / SCALE, (ROWS - 1) - plane["y"].values[::-1] / SCALE)
     for k in range(plane.sizes["time"]):
         u, v = (np.nan_to_num(plane[n].values[k][::-1]) * INTERVAL / SCALE for n in ("u", "v"))

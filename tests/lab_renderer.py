@@ -54,7 +54,7 @@ class Rendered(Recording):
         rows, columns = shape
         corners = pose.to_tank(np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float))
         self._low, self._high = corners.min(axis=0) - REACH, corners.max(axis=0) + REACH
-        self._expected = 0.06 * np.prod(self._high - self._low) / pose.scale_m_per_px**2
+        self._expected = 0.06 * np.prod(self._high - self._low) / pose.pixel**2
 
     def _strewn(self, rng: np.random.Generator) -> np.ndarray:
         """Particles (n, 3): x, y (m) and z in standard deviations of the sheet's light."""
@@ -67,7 +67,7 @@ class Rendered(Recording):
         pose = self._pose
         at = np.asarray(points) - pose.anchor
         shrunk = at / (1 + at @ np.asarray(self._faults.perspective))[..., None]
-        return shrunk @ pose.rotation.T / pose.scale_m_per_px + np.asarray(pose.at_px)
+        return shrunk @ pose.rotation.T / pose.pixel + np.asarray(pose.at_px)
 
     def _read(self, i: int) -> np.ndarray:
         rng = np.random.default_rng([1, i])
@@ -108,7 +108,7 @@ class Rendered(Recording):
         across = (rest - np.asarray(self._kinematics.root)) @ dorsal
         side = np.flatnonzero(across > across.max() - 1e-3)
         ends = [(k, (k + 1) % len(outline)) for k in side if (k + 1) % len(outline) in side]
-        step = self._pose.scale_m_per_px
+        step = self._pose.pixel
         pieces = []
         for a, b in (outline[list(k)] for k in ends):
             count = max(round(np.hypot(*(b - a)) / step), 1)

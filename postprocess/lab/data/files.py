@@ -114,5 +114,4 @@ def read_registration(path: Path) -> Registration:
 
 
 def _pose(values: dict[str, Any]) -> Pose:
-    scale, angle = float(values["scale_m_per_px"]), float(values["angle"])
-    return Pose(scale, angle, tuple(values["anchor"]), tuple(values["at_px"]))
+    return Pose(**values | {name: tuple(values[name]) for name in ("anchor", "at_px")})

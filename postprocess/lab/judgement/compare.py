@@ -105,9 +105,9 @@ def _make_case(
     times = planes.direct["time"].values
     window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
-    px = registration.pose.scale_m_per_px  # m; of vectors the picture's unit is the stated metre
+    px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
-        px *= (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3
+        px *= dpiv.scale.pixel
     window_m = dpiv.piv.window * px
     sides = planes.data, planes.virtual, planes.direct
     fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"

@@ -267,7 +267,7 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
     matter: errors of shift, turn and scale correlate, since root and tip are both seen.
     """
     arm = np.asarray(place) - np.asarray(pose.anchor)
-    shift = -pose.rotation.T * pose.scale_m_per_px
+    shift = -pose.rotation.T * pose.pixel
     return np.column_stack([shift, [arm[1], -arm[0]], -arm])
 
 
@@ -354,7 +354,7 @@ def _registration_modes(
     rate = np.gradient(stacked(case.direct).astype(float), times, axis=0)[rows]
     gx, gy = np.meshgrid(x, y)
     anchor = registration.pose.to_camera(np.asarray(registration.pose.anchor))
-    scale = registration.pose.scale_m_per_px
+    scale = registration.pose.pixel
     arm_x, arm_y = gx - anchor[0], gy - anchor[1]
     ux, uy = direct[:, 0], direct[:, 1]
     basis = [

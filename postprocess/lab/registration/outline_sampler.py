@@ -17,12 +17,12 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
     `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m),
-    angle (rad), scale (m per px), and the four of `files.Nuisance`; `normals` as of
+    angle (rad), size of a pixel (m), and the four of `files.Nuisance`; `normals` as of
     `outline_table`.
     """
-    x0, y0, angle, scale_m_per_px, edge, lateral, along_x, along_y = seat
+    x0, y0, angle, pixel, edge, lateral, along_x, along_y = seat
     c, s = np.cos(angle), np.sin(angle)
-    magnification = 1 / scale_m_per_px
+    magnification = 1 / pixel
     t = min(max(int(place), 0), outlines.shape[0] - 2)
     w = place - t
     n = outlines.shape[1]

@@ -61,7 +61,7 @@ def compared(tmp_path_factory):
         settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
         window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
         sides = data, virtual, direct
-        known = window, settings, 24 * pose.scale_m_per_px, False, 0.0, True
+        known = window, settings, 24 * pose.pixel, False, 0.0, True
         case = Case(kinematics, registration, *sides, *known)
         case.effects.append(_grid_effect(direct))
         out[gain] = compare(case, INPUTS)

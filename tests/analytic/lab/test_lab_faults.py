@@ -20,7 +20,7 @@ from postprocess.lab.registration.step import QUICK_SWEEPS
 from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics
 
-PICTURES, SHAPE, SCALE = 16, (320, 400), 0.4e-3
+PICTURES, SHAPE, SCALE = 16, (320, 400), 0.4
 TIMES = np.linspace(0.0, 0.42, PICTURES)
 DELAY = 0.004
 QUICK = {"scale_std": 0.01, "sweeps": QUICK_SWEEPS}
@@ -51,7 +51,7 @@ def errors(kinematics, made):
     """Errors of pose, pressure factor, delay and duration over their standard uncertainties."""
     _, true = poses(kinematics)
     pose, law = made.pose, made.law
-    scale = np.log(true.scale_m_per_px / pose.scale_m_per_px)
+    scale = np.log(true.pixel / pose.pixel)
     off = [*(np.array(pose.at_px) - true.at_px), pose.angle - true.angle, scale]
     std = [*np.sqrt(np.diag(made.covariance)), *map(law.std, ("factor", "delay", "stretch"))]
     return np.abs([*off, law.values[0] - 1, law.delay - DELAY, law.values[2] - 1]) / std
@@ -121,7 +121,7 @@ def test_dropped_frames_are_named(kinematics):
     "clock, change, message",
     [
         (10 * TIMES, {}, "pictures were taken 10 times as fast as stated; correct frame_rate_hz"),
-        (TIMES, {"scale_m_per_px": SCALE / 2}, "as if the scale were 2 times the stated one"),
+        (TIMES, {"scale_mm_per_px": SCALE / 2}, "as if the scale were 2 times the stated one"),
     ],
 )
 def test_what_is_stated_wrongly_by_a_factor_is_named(kinematics, clock, change, message):
@@ -181,7 +181,7 @@ def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
     [
         ({"angle": np.radians(-6.0)}, 0.0, "hangs -6.0° from how axes.turn_deg states it"),
         ({"at_px": (163.0, 270.0)}, 0.0, "the root lies (+5.2, +0.0) mm from where axes.root_px"),
-        ({"scale_m_per_px": SCALE * 1.056}, 0.0, "+5.4 % off the stated one, which is known to"),
+        ({"scale_mm_per_px": SCALE * 1.056}, 0.0, "+5.4 % off the stated one, which is known to"),
         ({}, 2.6, "grown by 2.6 px on all sides"),
         ({}, -5.0, "shrunk by 5.0 px on all sides"),
     ],

@@ -71,7 +71,7 @@ def test_pose_scale_and_time_are_found(registered_lab, kinematics):
     assert abs(np.degrees(registration.pose.angle - true.angle)) < 1.0
     # perspectives that the silhouette does not show widen it; it must improve on the stated 1 %
     std = np.sqrt(registration.covariance[3, 3])
-    assert abs(np.log(registration.pose.scale_m_per_px / true.scale_m_per_px)) < 3 * std
+    assert abs(np.log(registration.pose.pixel / true.pixel)) < 3 * std
     assert std < 0.005  # half of the stated; 0.40 to 0.42 % with three seeds of the sampler
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
@@ -82,7 +82,7 @@ def test_pose_scale_and_time_are_found(registered_lab, kinematics):
 def off(registration, lab, kinematics):
     """Errors of the pose over their standard uncertainties."""
     true, pose = lab.pose(kinematics.root), registration.pose
-    scale = np.log(true.scale_m_per_px / pose.scale_m_per_px)
+    scale = np.log(true.pixel / pose.pixel)
     errors = [*(np.array(pose.at_px) - true.at_px), pose.angle - true.angle, scale]
     return np.abs(errors) / np.sqrt(np.diag(registration.covariance))
 
@@ -146,7 +146,7 @@ def test_seeding_is_measured(kinematics):
 def test_camera_planes_turn_positions_and_vectors(kinematics):
     times = np.linspace(0.0, 0.1, 6)
     series = vortex_series(kinematics, times, spacing=2e-3)
-    pose = Pose(1 / 4000.0, 0.5, kinematics.root, (300.0, 450.0))
+    pose = Pose(1 / 4.0, 0.5, kinematics.root, (300.0, 450.0))
     x, y = np.linspace(0.02, 0.13, 23), np.linspace(0.02, 0.11, 19)
     plane = camera_series(series, pose, x, y, times[2:3]).isel(time=0)
     gx, gy = np.meshgrid(x, y)
@@ -171,7 +171,7 @@ def test_a_second_finger_is_the_mirror_image(kinematics):
 
 
 def test_pose_there_and_back():
-    pose = Pose(1 / 3900.0, -0.3, (0.01, 0.24), (200.0, 400.0))
+    pose = Pose(1 / 3.9, -0.3, (0.01, 0.24), (200.0, 400.0))
     points = np.random.default_rng(1).uniform(-0.1, 0.3, (20, 2))
     assert np.allclose(pose.to_tank(pose.to_px(points)), points)
     assert np.allclose(pose.from_camera(pose.to_camera(points)), points)

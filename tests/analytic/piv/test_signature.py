@@ -32,7 +32,7 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
         a, b = file["frames"][0], file["frames"][1]
         mask = (file["mask"][0] | file["mask"][1]).astype(bool)
     pair = correlate_pair(a, b, mask=mask)
-    scale = camera.scale_m_per_px
+    scale = camera.pixel
     u, v = (
         np.where(pair["valid"].values != 0, pair[n].values * scale * camera.frame_rate_hz, np.nan)
         for n in ("u", "v")

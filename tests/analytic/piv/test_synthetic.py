@@ -25,7 +25,7 @@ from piv.synthetic.plane_spline import PlaneField
 from piv.synthetic.render_recording import render_recording
 from piv.synthetic.virtual_camera import Recorder
 
-SMALL = Camera(width_px=160, height_px=128, scale_m_per_px=2.5e-4)
+SMALL = Camera(width_px=160, height_px=128, scale_mm_per_px=0.25)
 
 
 def rotating(n_times: int = 7, body: bool = False, dwdz: float = 0.0) -> xr.Dataset:
@@ -105,9 +105,7 @@ def test_a_core_that_spreads_by_interpolation_keeps_its_particles_where_nothing_
     for frame in recorder.frames():
         p = frame.particles
     core = np.hypot(p[0] - 0.020, p[1] - 0.016) < 8e-3
-    expected = (
-        0.3 / (SMALL.scale_m_per_px**2 * 1.5e-3) * np.pi * 8e-3**2 * 2 * recorder.box.half_width
-    )
+    expected = 0.3 / (SMALL.pixel**2 * 1.5e-3) * np.pi * 8e-3**2 * 2 * recorder.box.half_width
     if given:
         assert abs(core.sum() - expected) < 4 * np.sqrt(expected)  # Poisson
     else:
@@ -148,7 +146,7 @@ def test_density_stays_uniform_while_particles_enter_and_leave():
         last = frame.particles
     n = last.shape[1]
     box = recorder.box
-    expected = 0.3 / (SMALL.scale_m_per_px**2 * 1.5e-3) * box.volume()
+    expected = 0.3 / (SMALL.pixel**2 * 1.5e-3) * box.volume()
     # Poisson: four standard deviations
     assert abs(n - expected) < 4 * np.sqrt(expected)
     counts, _, _ = np.histogram2d(
@@ -184,7 +182,7 @@ def test_a_particle_is_hidden_by_the_outline_and_not_by_its_pixels():
 @pytest.fixture
 def sheet(tmp_path):
     series = rotating(body=True)
-    write_plane(series, tmp_path / "sheet.h5", source="cfd", tip_width=0.01, scene_hash="abc")
+    write_plane(series, tmp_path / "sheet.h5", source="cfd", tip_width=0.01)
     return tmp_path / "sheet.h5"
 
 
@@ -195,8 +193,8 @@ def test_recording_holds_frames_mask_and_truth(sheet, tmp_path):
         assert file.attrs["format"] == "recording"
         assert file["frames"].shape == (7, 128, 160)
         assert file["frames"].dtype == np.uint8
-        assert file.attrs["scene_hash"] == "abc"
-        assert json.loads(file.attrs["camera"])["scale_m_per_px"] == 2.5e-4
+        assert file.attrs["tip_width"] == 0.01
+        assert json.loads(file.attrs["camera"])["scale_mm_per_px"] == 0.25
         assert "outline" in file
     with read_plane(tmp_path / "images_truth.h5") as truth:
         np.testing.assert_allclose(truth["time"], np.arange(6) / 500 + 0.001)

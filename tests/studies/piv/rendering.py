@@ -29,8 +29,8 @@ def drifting_vortex(peak: float, camera: Camera) -> xr.Dataset:
         flow = lamb_oseen(40, peak, (CENTRE[0] + drift * (k - FRAMES / 2), CENTRE[1]))
         u, v = flow(*np.meshgrid(x, y))
         planes.append((u + drift, v))
-    u, v = np.moveaxis(planes, 1, 0) * camera.scale_m_per_px * camera.frame_rate_hz
-    metres = camera.scale_m_per_px
+    u, v = np.moveaxis(planes, 1, 0) * camera.pixel * camera.frame_rate_hz
+    metres = camera.pixel
     return make_plane(x * metres, y * metres, u, v, time=np.arange(FRAMES) / camera.frame_rate_hz)
 
 

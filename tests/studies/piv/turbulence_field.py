@@ -63,7 +63,3 @@ class TurbulentPlane:
             map_coordinates(f, at, order=3, prefilter=False, mode="grid-wrap")
             for f in self._splines[:components]
         )
-
-    def with_normal(self, x, y):
-        """Displacement (dx, dy, dz) at (x, y), px."""
-        return self(x, y, 3)

@@ -21,7 +21,7 @@ from postprocess.lab.registration.register import with_length
 
 @pytest.mark.parametrize("angle", [0.0, 0.03, 1.6])
 def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
-    pose, place = Pose(1 / 4000.0, angle, (0.01, 0.245), (310.0, 460.0)), np.array([0.03, 0.19])
+    pose, place = Pose(1 / 4.0, angle, (0.01, 0.245), (310.0, 460.0)), np.array([0.03, 0.19])
     seen = pose.to_px(place)
     jacobian = place_jacobian(pose, place)
     for k, step in enumerate((1e-2, 1e-2, 1e-5, 1e-5)):
@@ -34,7 +34,7 @@ def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
 
 def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
     """Root and tip found to a third of a pixel each: half-way their errors average."""
-    pose, length = Pose(1 / 4000.0, 0.0, (0.0, 0.245), (310.0, 460.0)), 0.07
+    pose, length = Pose(1 / 4.0, 0.0, (0.0, 0.245), (310.0, 460.0)), 0.07
     std, px = 1 / 3, length * 4000.0
     # the tip is px below the root: (root, tip) → (y, ln scale) with scale = (root − tip)/px
     ends = np.array([[1.0, 0.0], [1 / px, -1 / px]])
@@ -68,14 +68,14 @@ def test_instants_are_independent_once_the_particles_have_left_the_window(crosse
     ],
 )  # fmt: skip
 def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scale, std):
-    stated = Pose(1 / 4000.0, 0.0, (0.0, 0.245), (310.0, 460.0))
+    stated = Pose(1 / 4.0, 0.0, (0.0, 0.245), (310.0, 460.0))
     law = Law(np.ones(3), np.eye(3), 0.0)
-    fitted = Pose(1 / (4000.0 * 1.003), 0.0, stated.anchor, stated.at_px)
+    fitted = Pose(1 / (4.0 * 1.003), 0.0, stated.anchor, stated.at_px)
     covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
     known = fitted, covariance, NO_NUISANCE, law, *np.empty((3, 0))
     registration = Registration(*known, None if scale_std is None else stated)
     registration = with_length(registration, scale_std, length_std)
-    assert 1 / registration.pose.scale_m_per_px / 4000.0 == pytest.approx(scale, abs=1e-5)
+    assert 1 / registration.pose.scale_mm_per_px / 4.0 == pytest.approx(scale, abs=1e-5)
     assert np.sqrt(registration.covariance[3, 3]) == pytest.approx(std, rel=0.02)
     assert registration.covariance[1, 1] == pytest.approx(0.1**2)
 

@@ -29,7 +29,7 @@ def case(tmp_path_factory):
     """A recording with 5 % more bend in 10 % less time; runs of pressure, duration and grid."""
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
-    pose, some = Pose(1e-4, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
+    pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
     registration = Registration(pose, np.eye(4), NO_NUISANCE, law, some, some, some, None)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
     runs = (

@@ -33,7 +33,7 @@ def recording_file(tmp_path_factory):
         lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES))
     )
     attrs = {
-        "scale_m_per_px": 1e-4,
+        "scale_mm_per_px": 0.1,
         "origin_x_px": 3.0,
         "origin_y_px": 0.0,
         "frame_rate_hz": 500.0,

@@ -10,7 +10,7 @@ from scipy.io import savemat
 from piv.foreign.pivlab import instants
 from piv.foreign.read import read_vectors
 
-DOUBLE, CELL, CHAR, STRUCT = 6, 1, 4, 2  # classes
+DOUBLE, CELL = 6, 1  # classes
 
 
 def element(kind, content):
@@ -104,7 +104,7 @@ def export(frames, compressed):
 def test_a_session_is_read(tmp_path, compressed):
     path = tmp_path / "a.mat"
     path.write_bytes(export(3, compressed))
-    units = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32, "frame_rate_hz": 2.0}
+    units = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32, "frame_rate_hz": 2.0}
     plane = read_vectors([path], **units)
     assert dict(plane.sizes) == {"time": 3, "y": 2, "x": 3}
     assert plane["u"].values[2, 0, 0] == pytest.approx(0.8e-3 / 0.5)

@@ -110,11 +110,11 @@ def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
     np.testing.assert_allclose(in_px["y"], [83, 91])
     assert in_px["u"].attrs["units"] == "px"
     with pytest.raises(ValueError, match="--interval"):
-        read_vectors([path], **told, scale_m_per_px=1e-4)
+        read_vectors([path], **told, scale_mm_per_px=0.1)
     told["interval_s"] = 0.002
     with pytest.raises(ValueError, match="--scale-mm-per-px"):
         read_vectors([path], **told)
-    told["scale_m_per_px"] = 1e-4
+    told["scale_mm_per_px"] = 0.1
     plane = read_vectors([path], **told)
     np.testing.assert_allclose(plane["x"], [8e-4, 16e-4])
     np.testing.assert_allclose(plane["y"], [83e-4, 91e-4])  # 99 - 16, 99 - 8
@@ -176,7 +176,7 @@ def test_pivlab(tmp_path, version):
                         f"#refs#/{name}"
                     ].ref
                 file["units"] = np.array([[ord(c)] for c in units], np.uint16)
-    told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
+    told = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
     plane = read_vectors([path], **told)
     np.testing.assert_allclose(plane["y"], [0.015, 0.023])
     assert plane["valid"].values.tolist() == [[0, 1, 1], [1, 1, 0]]
@@ -208,7 +208,7 @@ def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
     monkeypatch.setattr(
         pivlab_mat, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a)
     )
-    told = {"scale_m_per_px": 1e-3, "interval_s": 0.5, "image_rows": 32}
+    told = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
     series = read_vectors([tmp_path / "a.mat"], frame_rate_hz=2.0, **told)
     assert len(loads) == 1
     np.testing.assert_allclose(series["u"][:, 0, 0], [0, 2e-3, 4e-3])
@@ -292,7 +292,7 @@ def test_commands(tmp_path, capsys):
     metres = read_plane(out / "m.h5")
     np.testing.assert_allclose(metres["u"], pixels["u"] * 1e-4 / 0.002)
     np.testing.assert_allclose(metres["x"], (pixels["x"] - 10) * 1e-4)
-    assert json.loads(metres.attrs["calibration"])["scale_m_per_px"] == pytest.approx(1e-4)
+    assert json.loads(metres.attrs["calibration"])["scale_mm_per_px"] == 0.1
 
 
 @pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])

@@ -128,7 +128,7 @@ def test_recording_resumes_and_keeps_finished_frames(tmp_path):
     data, path = frames(), tmp_path / "images.h5"
     attrs = {
         "frame_rate_hz": 500.0,
-        "scale_m_per_px": 1e-4,
+        "scale_mm_per_px": 0.1,
         "bits": 12,
         "camera": {"name": "UX100"},
     }
@@ -147,7 +147,7 @@ def test_recording_resumes_and_keeps_finished_frames(tmp_path):
     with open_recording(path) as recording:
         assert np.array_equal(np.stack(list(recording)), data)
         assert np.array_equal(recording.mask(2), data[2] > 2000)
-        assert recording.attrs["scale_m_per_px"] == 1e-4
+        assert recording.attrs["scale_mm_per_px"] == 0.1
         assert recording.times[4] == pytest.approx(0.008)
     with xr.open_dataset(path, engine="h5netcdf") as opened:
         assert opened["frames"].dims == ("time", "row", "column")

@@ -125,7 +125,7 @@ def test_polygons_in_metres_and_seconds(frames, tmp_path):
     with open_recording(frames, frame_rate_hz=10) as recording:
         with pytest.raises(ValueError, match="metres need its scale"):
             part_of_recording(recording, path)
-        recording.attrs |= {"scale_m_per_px": 1e-3, "origin_x_px": 10.0, "origin_y_px": 0.0}
+        recording.attrs |= {"scale_mm_per_px": 1.0, "origin_x_px": 10.0, "origin_y_px": 0.0}
         part = part_of_recording(recording, path)
         assert part.corner_px == (10.0, 0.0)
         assert part.shape == (101, 91)

@@ -88,13 +88,13 @@ def test_outline_moves_between_instants_and_is_not_extended():
         {"outline": (("time", "point", "axis"), np.stack([square, square + np.array([0.02, 0])]))},
         coords={"time": [0.0, 1.0]},
     )
-    bodies = outline_masks(series, np.array([0.5]), (40, 60), 1e-3, (5.0, 5.0))
+    bodies = outline_masks(series, np.array([0.5]), 1e-3, (5.0, 5.0))
     mask = polygons_mask(bodies[0], (40, 60))
     rows, columns = np.nonzero(mask)
     assert (columns.min(), columns.max()) == (15, 25)  # 5 px origin + 10 px half way
     assert (39 - rows.max(), 39 - rows.min()) == (5, 15)
     with pytest.raises(ValueError, match="covers 0 to 1 s"):
-        outline_masks(series, np.array([1.5]), (40, 60), 1e-3, (5.0, 5.0))
+        outline_masks(series, np.array([1.5]), 1e-3, (5.0, 5.0))
 
 
 def test_chain_names_its_steps_and_takes_a_still_background_away(tmp_path):

@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
 def recording_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "images.h5"
     attrs = {
-        "scale_m_per_px": 1e-4,
+        "scale_mm_per_px": 0.1,
         "origin_x_px": 10.0,
         "origin_y_px": -5.0,
         "frame_rate_hz": 500.0,

@@ -19,7 +19,7 @@ def file(tmp_path):
     std = np.full((80, *XX.shape), 0.001)
     bend = np.linspace(0, 0.8, 80)[:, None]
     plane = make_plane(X, Y, -wave * YY, wave * XX, time=TIMES, u_std=std, v_std=std, bend=bend)
-    write_plane(plane, tmp_path / "a.h5", settings='{"window": 32}', scale_m_per_px=1e-4)
+    write_plane(plane, tmp_path / "a.h5", settings='{"window": 32}', scale_mm_per_px=0.1)
     return tmp_path / "a.h5"
 
 
