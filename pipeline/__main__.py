@@ -21,6 +21,11 @@ from fileio.errors import StageError
 PROJECT = Path(__file__).resolve().parents[1]
 SNAKEMAKE = PROJECT / ".venv-study" / "bin" / "snakemake"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+# values that make hands on by the environment
+MAKE_VALUES = (
+    "LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION ACCOUNT"
+    " RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK PRESSURE"
+).split()
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App("softfinger", help=__doc__, version=__version__)
@@ -103,7 +108,7 @@ def run(
             return
         else:
             make(made, until, machine, quiet)
-    if until == "report":
+    if until == "report" and not quiet:
         print(f"report: {made.path('report').resolve()}")
 
 
@@ -383,8 +388,9 @@ def _slurm_place() -> list[str]:
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
     importing()
-    for name in [name for name, value in os.environ.items() if not value]:
-        del os.environ[name]  # make passes omitted values as empty ones
+    for name in MAKE_VALUES:  # only make's own, which passes omitted values as empty ones
+        if "MAKELEVEL" not in os.environ or not os.environ.get(name):
+            os.environ.pop(name, None)
 
     def action() -> int:
         command: Callable[..., Any]

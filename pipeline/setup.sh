@@ -64,7 +64,7 @@ if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     echo "setup: OpenFOAM"
     install openfoam
 fi
-.venv/bin/python -m pipeline openfoam
+.venv/bin/softfinger openfoam
 echo "setup: what PIV and the virtual camera compile (half a minute)"
 .venv/bin/python -m piv.precompile
 rm -f .setup.log

@@ -6,7 +6,7 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "recorded-motion",
-    "write it again with python -m postprocess.lab motion",
+    "write it again as docs/formats.md describes it",
     variables("""
 time  time  s  of the simulation's clock
 pressure  time  Pa  at which the scene's own finger bends as much

@@ -85,7 +85,7 @@ def make(
     failed: _Job | None = None
     bar = tqdm(
         total=sum(seconds.values()), disable=quiet or not waiting or None,
-        bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {postfix}",
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {unit}",
     )  # fmt: skip
     with bar:
         try:
@@ -242,7 +242,7 @@ def _show(bar: tqdm, running: list[_Job], waiting: list[str], seconds: dict[str,
     left += sum(max(seconds[job.stage] - (now - job.begin), 0.0) for job in running)
     bar.n = bar.total - left
     bar.set_description_str(", ".join(job.stage for job in running), refresh=False)
-    bar.set_postfix_str(duration(bar.format_dict["elapsed"] + left), refresh=False)
+    bar.unit = duration(bar.format_dict["elapsed"] + left)
     bar.refresh()
 
 

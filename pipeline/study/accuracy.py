@@ -41,10 +41,10 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
     if not path.exists():
         raise StageError(
             f"{path}: no measured settings for this scene; measure them with make tradeoff"
-            f" SCENE={path.stem}"
+            f" SCENE={path.parents[2].name}"
         )
     lines = path.read_text(encoding="utf-8").splitlines()
-    remedy = f"make it anew with make tradeoff SCENE={path.stem}"
+    remedy = f"make it anew with make tradeoff SCENE={path.parents[2].name}"
     head: dict[str, Any] = next(
         (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
     )

@@ -15,13 +15,13 @@ from pipeline.study.scaling_model import Network
 
 _MEASURED = {"cells", "columns", "correctors", "step_s", "pressure_iterations"}  # of steps.csv
 _DATA = Path(__file__).with_name("scaling.toml")
-_STEPS = Path(__file__).with_name("steps.csv")  # of make bench-steps
+_STEPS = Path(__file__).with_name("steps.csv")  # measured on 2026-11-22
 
 
 def _read_steps(
     path: Path, serial_seconds_per_cell: float, fixed_s: float = 0.0
 ) -> tuple[dict[str, float], dict[str, float]] | None:
-    """Steps on one rank and on two from `make bench-steps`, for `fit`; None without the file."""
+    """Measured steps on one rank and on two, for `fit`; None without the file."""
     if not path.exists():
         return None
     table = pd.read_csv(path, comment="#")
@@ -45,14 +45,14 @@ def _read_steps(
         )
     except (KeyError, ValueError) as error:
         raise StageError(
-            f"{path}: {error} is missing or no number; run make bench-steps again"
+            f"{path}: {error} is missing or no number; delete the file to use scaling.toml"
         ) from None
 
 
 def read_data(
     path: Path = _DATA, steps: Path = _STEPS
 ) -> tuple[dict[str, float], dict[str, float] | None, Network]:
-    """Steps on one rank and on two from `make bench-steps` or scaling.toml, and the network."""
+    """Steps on one rank and on two, of steps.csv or else of scaling.toml, and the network."""
     table = read_toml(path)
     network = dict(table["network"])
     if "saturated_range" in network:

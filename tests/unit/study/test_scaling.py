@@ -76,7 +76,7 @@ def test_measured_steps_are_recovered(tmp_path):
     assert step_time(61482, 1, 4900, solver, network) == pytest.approx(0.20)
     assert step_time(61482, 2, 4900, solver, network) == pytest.approx(0.12, rel=0.02)
     (tmp_path / "steps.csv").write_text(STEPS.replace("cells", "level2"))
-    with pytest.raises(StageError, match="bench-steps again"):
+    with pytest.raises(StageError, match="delete the file"):
         read_data(steps=tmp_path / "steps.csv")
 
 
