@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whatever fails while they are written: the process, the disk, the power."""
+"""Atomic writes: a file is complete or absent, whatever fails during the write."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 
 from fileio.errors import StageError
 
-ROOM = 2**16  # bytes; a disk that has less is full
+_ROOM = 2**16  # bytes; a disk with less free space counts as full
 
 
 @contextmanager
-def naming(path: str | Path, *aliases: str) -> Iterator[None]:
-    """Let an OSError tell of `path` where it names no file, as that of a write, or one of `aliases`."""
+def name_in_errors(path: str | Path, *aliases: str) -> Iterator[None]:
+    """Name `path` in an OSError that names no file, or one of `aliases`."""
     try:
         yield
     except OSError as error:
@@ -24,8 +24,8 @@ def naming(path: str | Path, *aliases: str) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from error
 
 
-def settle(path: Path) -> None:
-    """Return when the file's content is on the disk. OSError where the disk refuses it only now."""
+def sync_file(path: Path) -> None:
+    """Wait until the file's content is on the disk; OSError where the disk refuses it."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -34,7 +34,7 @@ def settle(path: Path) -> None:
 
 
 def check_output(path: Path) -> None:
-    """StageError where `path` is a folder or a device: a file of that name would take its place."""
+    """StageError where `path` is a folder or a device, which a rename would replace."""
     if path.exists() and not path.is_file():
         raise StageError(
             f"{path}: is no file but a folder or a device; give the output another name"
@@ -49,20 +49,21 @@ def sha256(path: Path) -> str:
 
 @contextmanager
 def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Iterator[Path]:
-    """Yield the name of a file beside `path` to be written, which becomes `path` where the block ends well, else is removed.
+    """Yield a temporary name, renamed to `path` if the block succeeds, else removed.
 
-    Its folder is made. `suffix`: the name ends as that of `path` does, for writers that go by it. `sync`: on the disk first; without it a
-    power cut may leave an empty file. An OSError names `path`.
+    Makes the folder. `suffix`: the temporary name keeps the extension of `path`, which some
+    writers need. `sync`: flush to the disk before the rename; without it a power cut may leave an
+    empty file. An OSError names `path`.
     """
     path = Path(path)
     check_output(path)
     part = path.with_name(f"{path.stem}.part{path.suffix}" if suffix else f"{path.name}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with naming(path, str(part)):
+        with name_in_errors(path, str(part)):
             yield part
             if sync:
-                settle(part)
+                sync_file(part)
             os.replace(part, path)
     except BaseException:
         part.unlink(missing_ok=True)
@@ -70,26 +71,20 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
 
 
 def write_bytes(path: str | Path, content: bytes | memoryview, *, sync: bool = True) -> None:
-    """Write a file whole or not at all; its folder is made. `sync` as in `whole`."""
+    """Write a file atomically; `sync` as in `whole`."""
     with whole(path, sync=sync) as part:
         part.write_bytes(content)
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text (UTF-8) whole or not at all; its folder is made."""
+    """Write a UTF-8 text atomically."""
     write_bytes(path, text.encode())
 
 
-def update_text(path: Path, text: str) -> None:
-    """`write_text` where the file is missing or says otherwise."""
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        write_text(path, text)
-
-
 def check_room(folder: Path) -> None:
-    """OSError where `folder` has no room left for a small file: programs of others fail of it without saying so."""
+    """OSError where the disk of `folder` is full, which other programs do not report."""
     path = folder / ".room"
     try:
-        write_bytes(path, bytes(ROOM))
+        write_bytes(path, bytes(_ROOM))
     finally:
         path.unlink(missing_ok=True)

@@ -56,8 +56,8 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return next(iter(difflib.get_close_matches(word, list(known), 1)), None)
 
 
-def meant(word: str, known: Iterable[str]) -> str:
-    """A question with the nearest word of `known`, or an empty text."""
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Text that suggests the nearest word of `known`; empty where none is near."""
     near = nearest(word, known)
     return f"; did you mean {near}?" if near else ""
 

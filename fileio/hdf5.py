@@ -1,4 +1,4 @@
-"""Datasets in HDF5 files: opened where the file can be walked, written whole or not at all."""
+"""Datasets in HDF5 files: checked before opening, written atomically."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fileio.errors import one_line
 from fileio.hdf5_disk import Disk
 from fileio.record import check_whole
 
-# h5netcdf 1.8.2 sets it once the file is open: of one that it cannot open it would print a traceback where it is tidied up
+# h5netcdf 1.8.2 sets it after opening: deleting a file that failed to open prints a traceback
 h5netcdf.File._writable = False
 
 
 def open_netcdf(
     path: str | Path, kind: str = "HDF5 file", *, load: bool = False, **options: Any
 ) -> xr.Dataset:
-    """Open an HDF5 file, lazily unless `load` is given, when damage shows at once; `options` as xarray takes them.
+    """Open an HDF5 file, lazily unless `load`; `options` of xarray.open_dataset.
 
-    FileNotFoundError where it is missing; ValueError, which calls it a `kind`, where it is damaged or another one.
+    FileNotFoundError where it is missing; ValueError with the name `kind` where it is unreadable.
     """
     check_whole(path)
     check_walkable(path)
@@ -43,8 +43,9 @@ def whole_netcdf(
     groups: Mapping[str, xr.Dataset] | None = None,
     encoding: dict[str, dict[str, Any]] | None = None,
 ) -> None:
-    """Write a dataset, and `groups` by their names, to an HDF5 file, whole or not at all; `encoding` of the dataset as
-    xarray takes it. OSError where the disk refuses it.
+    """Write a dataset and `groups` by name to an HDF5 file, atomically; `encoding` as in xarray.
+
+    OSError where the disk refuses it.
     """
     with whole(path) as part, Disk(part, "w") as disk:
         dataset.to_netcdf(disk, engine="h5netcdf", encoding=encoding)

@@ -33,11 +33,6 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     return values
 
 
-def given(table: dict[str, Any]) -> dict[str, Any]:
-    """The values of `flat` that are not null."""
-    return {key: value for key, value in flat(table).items() if value is not None}
-
-
 def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
     """The value of a file; StageError as of `parse_json`."""
     check_whole(path)

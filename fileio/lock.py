@@ -1,4 +1,4 @@
-"""One writer at a time of a file or folder, by a lock that the kernel gives back however its holder ends."""
+"""File locks, which the kernel releases however the holder ends."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pathlib import Path
 
 @contextmanager
 def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock on `target`, the hidden file `.<name>.lock` beside it, which is removed afterwards.
+    """Lock `target` by the hidden file `.<name>.lock` beside it, which is removed afterwards.
 
-    Where another process holds it: BlockingIOError, or with `wait` its end is waited for. FileNotFoundError where there is no folder for it.
+    BlockingIOError where another process holds the lock, unless `wait`. FileNotFoundError where
+    the folder of `target` is missing.
     """
     if not target.parent.is_dir():
         raise FileNotFoundError(
@@ -32,7 +33,7 @@ def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
                 "another make or command is writing it; wait for it or stop it",
                 str(target),
             ) from None
-        try:  # its last holder may have removed it between our opening and locking it
+        try:  # the last holder may have removed the file before it was locked here
             if os.path.samestat(os.fstat(descriptor), os.stat(path)):
                 break
         except FileNotFoundError:

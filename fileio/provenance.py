@@ -1,4 +1,4 @@
-"""What a result was made with: versions of libraries, digests of files and settings."""
+"""Versions of libraries and file formats; digests of settings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def digest(value: Any) -> str:
 
 @cache
 def versions(*names: str) -> dict[str, str]:
-    """Versions of the libraries `names` that are installed: looking them up takes as long as a Newton step of PIV."""
+    """Versions of the installed libraries among `names`, cached because a look-up is slow."""
     libraries = {}
     for name in names or ("numpy", "scipy", "xarray", "h5py", "gmsh", "pyvista", "pydantic"):
         with suppress(PackageNotFoundError):
@@ -32,11 +32,12 @@ def versions(*names: str) -> dict[str, str]:
 def check_version(
     attributes: Mapping[str, Any], path: Path | str, name: str, version: int, remedy: str
 ) -> None:
-    """StageError where what a file says of itself is not this `format` and `format_version`."""
+    """StageError where a file's attributes state another format or format_version."""
     if attributes.get("format") != name:
         raise StageError(f"{path}: format is {attributes.get('format')!r}, not {name!r}; {remedy}")
     file_version = attributes.get("format_version")
     if file_version != version:
         raise StageError(
-            f"{path}: format_version of this {name} file is {file_version}, this program reads {version}; {remedy}"
+            f"{path}: format_version of this {name} file is {file_version}, this program reads"
+            f" {version}; {remedy}"
         )

@@ -1,7 +1,7 @@
-"""The record of a stage, `made/<stage>.json` in a run's folder: what its files were made from, and what they are.
+"""The record of a stage, `made/<stage>.json`: its inputs, and the checksums of its outputs.
 
-Whoever opens a file that a record names checks it. Files that no record names, as those of other
-programs, pass.
+Readers check a file that a record names. Files that no record names, such as those of other
+programs, are not checked.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from fileio.errors import StageError
 
 FOLDER = "made"
 FORMAT = {"format": "stage-record", "format_version": 1}
-DEPTH = 6  # of a file in a run's folder: case/interval_0/postProcessing/sheet/0.1/sheet.vtk
+_DEPTH = 6  # of a file in a run's folder: case/interval_0/postProcessing/sheet/0.1/sheet.vtk
 REMEDY = "delete it and run make again"
 
 
 def record_path(out: Path, stage: str) -> Path:
-    """Where the record of a stage of the run in `out` lies."""
+    """Path of the record of a stage of the run in `out`."""
     return out / FOLDER / f"{stage}.json"
 
 
 def read_record(out: Path, stage: str) -> dict[str, Any] | None:
-    """The record of a stage; None where there is none, or none of this version."""
+    """The record of a stage; None where it is missing or of another version."""
     return _parsed(record_path(out, stage))
 
 
 def write_record(out: Path, stage: str, about: dict[str, Any], outputs: list[Path]) -> None:
-    """Write a stage's record: `about` it, and size, time and SHA-256 of each file in `outputs`."""
+    """Write a stage's record: `about`, and size, time and SHA-256 of each file in `outputs`."""
     files = {path.relative_to(out).as_posix(): _state(path) for path in sorted(outputs)}
     for state, path in zip(files.values(), sorted(outputs), strict=True):
         state["sha256"] = sha256(path)
@@ -42,9 +42,9 @@ def write_record(out: Path, stage: str, about: dict[str, Any], outputs: list[Pat
 
 
 def changed_outputs(out: Path, record: dict[str, Any]) -> dict[str, str]:
-    """What is wrong with each file of a record that is gone or is not the recorded one.
+    """Faults of a record's files, by name: missing, or other content than recorded.
 
-    A file of the recorded size and time is taken for the recorded one; any other is read.
+    A file of the recorded size and time counts as unchanged; any other is read.
     """
     changed = {}
     for name, known in record["outputs"].items():
@@ -57,11 +57,11 @@ def changed_outputs(out: Path, record: dict[str, Any]) -> dict[str, str]:
 
 
 def check_whole(path: str | Path, remedy: str = REMEDY) -> None:
-    """StageError where a file that a record names is not the recorded one."""
+    """StageError where a record names the file and its content differs from the recorded one."""
     path = Path(os.path.abspath(path))
     if not path.is_file():
         return
-    for out in path.parents[:DEPTH]:
+    for out in path.parents[:_DEPTH]:
         if not (out / FOLDER).is_dir():
             continue
         known = _known(out, (out / FOLDER).stat().st_mtime_ns).get(path.relative_to(out).as_posix())
@@ -72,7 +72,7 @@ def check_whole(path: str | Path, remedy: str = REMEDY) -> None:
 
 @lru_cache(maxsize=64)
 def _known(out: Path, changed: int) -> dict[str, str]:
-    """SHA-256 of every recorded file in `out`, whose records last `changed` then."""
+    """SHA-256 of every recorded file in `out`; `changed`: its time of change, for the cache."""
     return {name: state["sha256"] for r in _records(out) for name, state in r["outputs"].items()}
 
 

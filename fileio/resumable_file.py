@@ -12,7 +12,7 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
-from fileio.atomic import settle
+from fileio.atomic import sync_file
 from fileio.child_process import check_walkable
 from fileio.errors import system_error
 from fileio.hdf5_disk import DiskFile
@@ -69,7 +69,7 @@ class ResumableFile:
             self._file.attrs["_identity"] = self._identity
             self._file.flush()
         except BaseException:
-            self.part.unlink(missing_ok=True)  # not an item in it
+            self.part.unlink(missing_ok=True)  # it has no items
             self.close()
             raise
 
@@ -149,11 +149,11 @@ class ResumableFile:
                 f" first is {missing[0]}"
             )
         self._file.flush()
-        settle(self.part)  # a full disk shows while the file can still be continued
+        sync_file(self.part)  # an error of a full disk must come while the file can be resumed
         del self._file["_done"]
         del self._file.attrs["_identity"]
         self._file.close()
-        settle(self.part)
+        sync_file(self.part)
         os.replace(self.part, self.path)
         return self.path
 
@@ -168,7 +168,7 @@ class ResumableFile:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.close()
         if isinstance(error, ValueError) and system_error(error) is None:
-            self.part.unlink(missing_ok=True)  # a later run would end alike
+            self.part.unlink(missing_ok=True)  # a later run would fail alike
 
 
 def _attribute(value: Any) -> Any:

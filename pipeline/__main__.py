@@ -21,24 +21,22 @@ from fileio.errors import StageError
 PROJECT = Path(__file__).resolve().parents[1]
 SNAKEMAKE = PROJECT / ".venv-study" / "bin" / "snakemake"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-USUAL = min(4, CORES)  # ranks, where no number is given: more rarely pay
+DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App("softfinger", help=__doc__, version=__version__)
 
 Scene = Annotated[Path, Parameter(help="Folder of the scene, as cases/single_finger.")]
 Level = Annotated[str, Parameter(env_var="LEVEL", help="Level of the scene.")]
 Ranks = Annotated[int, Parameter(["--ranks", "-n"], env_var="NP", help="MPI ranks.")]
-Quiet = Annotated[bool, Parameter(env_var="QUIET", negative="", help="Print errors alone.")]
+Quiet = Annotated[bool, Parameter(env_var="QUIET", negative="", help="Print errors only.")]
 Overrides = Annotated[
     list[str],
     Parameter("--set", negative="", help="KEY=VALUE of the scene, as mesh.tip_cell=0.001."),
 ]
 Switch = Annotated[bool, Parameter(negative="")]
-
-
 Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]
 Budget = Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")]
-Some = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
+RunNames = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
 
 
 @app.command
@@ -49,7 +47,7 @@ def run(
     level: Level = "coarse",
     set_: Overrides = [],  # noqa: B006
     name: Annotated[str, Parameter(help="Folder of the results of a run with --set.")] = "",
-    ranks: Ranks = USUAL,
+    ranks: Ranks = DEFAULT_RANKS,
     hosts: Annotated[Path | None, Parameter(env_var="HOSTS", help="MPI host file.")] = None,
     collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
     coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
@@ -59,7 +57,7 @@ def run(
     dry_run: Switch = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make what is stale of a scene's results, up to a stage.
+    """Make the stale results of a scene, up to a stage.
 
     Parameters
     ----------
@@ -70,7 +68,7 @@ def run(
     slurm
         As batch jobs.
     dry_run
-        Say what would be made and why, and make nothing.
+        Print what would be made and why; make nothing.
     """
     from pipeline.runs.make import Machine, make
 
@@ -78,15 +76,15 @@ def run(
         raise StageError(f"NP={ranks}: give 1 or more")
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     if coupled and (slurm or accuracy or budget or hosts or collated or set_):
-        raise StageError("COUPLED=1 takes LEVEL, NP and QUIET alone")
+        raise StageError("COUPLED=1 accepts only LEVEL, NP and QUIET")
     if slurm and until != "report":
         raise StageError("SLURM=1 goes with a whole scene or a study, not with one stage")
     if coupled and until != "report":
         raise StageError("COUPLED=1 goes with a whole scene, not with one stage")
     if accuracy or budget:
-        from pipeline.study.ask_accuracy import run_asked
+        from pipeline.study.accuracy import make_cheapest
 
-        made = run_asked(scene, accuracy, budget, machine.jobs, quiet)
+        made = make_cheapest(scene, accuracy, budget, machine.jobs, quiet)
     elif slurm:
         from pipeline.study.plan import plan_scene
 
@@ -125,7 +123,7 @@ def study(
     table: Annotated[Path, Parameter(help="Runs (.csv), as cases/single_finger/studies/x.csv.")],
     *,
     scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
-    only: Some = "",
+    only: RunNames = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")] = False,
 ) -> Path:
     """Make the runs of a table, equal stages once, and tabulate them."""
@@ -151,7 +149,7 @@ def study(
 
 @app.command
 def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
-    """Measure what accuracy costs: the study of a scene that ACCURACY and BUDGET need."""
+    """Measure the cost of accuracy, which ACCURACY and BUDGET need."""
     from postprocess.studies.tradeoff import write_tradeoff
 
     write_tradeoff(study(scene / "studies" / "tradeoff.csv"))
@@ -177,8 +175,14 @@ def predict(scene: Scene, *, level: Level = "coarse", quiet: Quiet = False) -> N
 
 
 @app.command
-def view(scene: Scene, *, level: Level = "coarse", ranks: Ranks = 1, quiet: Quiet = False,
-         whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False) -> None:  # fmt: skip
+def view(
+    scene: Scene,
+    *,
+    level: Level = "coarse",
+    ranks: Ranks = 1,
+    quiet: Quiet = False,
+    whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False,
+) -> None:
     """Write a run as a time series for ParaView.
 
     Parameters
@@ -195,15 +199,18 @@ def view(scene: Scene, *, level: Level = "coarse", ranks: Ranks = 1, quiet: Quie
 
 
 @app.command
-def new(folder: Annotated[Path, Parameter(help="Folder of the new scene.")], *,
-        extends: Annotated[Path | None, Parameter(help="A scene it differs from.")] = None) -> None:  # fmt: skip
-    """Begin a scene: all keys with their meaning, or one that says what differs from another."""
+def new(
+    folder: Annotated[Path, Parameter(help="Folder of the new scene.")],
+    *,
+    extends: Annotated[Path | None, Parameter(help="The scene that it extends.")] = None,
+) -> None:
+    """Write a new scene.toml: all keys with their meaning, or one that extends another scene."""
     from fileio.atomic import write_text
     from pipeline.scene_reference import scene_template
 
     path = folder / "scene.toml"
     if path.exists():
-        raise StageError(f"{path}: is there already; give another folder, or edit it")
+        raise StageError(f"{path}: exists already; give another folder, or edit it")
     if extends is not None and not (extends / "scene.toml").is_file():
         raise StageError(f"{extends}: holds no scene.toml; give the folder of a scene")
     parent = extends and os.path.relpath(extends, folder)
@@ -219,7 +226,7 @@ def compare(
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
     quick: Annotated[bool, Parameter(env_var="QUICK", negative="")] = False,
-    ranks: Ranks = USUAL,
+    ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
     """Compare a scene with the recording of a laboratory.
@@ -227,7 +234,7 @@ def compare(
     Parameters
     ----------
     quick
-        Print the motion alone; nothing is solved.
+        Print the motion only; nothing is solved.
     """
     from pipeline.runs.make import Machine
     from postprocess.lab.command import compare_with
@@ -247,10 +254,10 @@ def virtual_lab(
     *,
     level: Level = "coarse",
     pressure_kpa: Annotated[float, Parameter(env_var="PRESSURE", help="Of the last stroke.")] = 21,
-    ranks: Ranks = USUAL,
+    ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
-    """Render a stand-in for a laboratory's recording, to try compare on."""
+    """Render a synthetic recording as a laboratory would record it, to try compare on."""
     from pipeline.runs.make import Machine
     from postprocess.lab.command import virtual_laboratory
 
@@ -263,7 +270,7 @@ def virtual_lab(
 def new_dpiv(
     data: Annotated[Path | None, Parameter(help="Folder of the recording.")] = None,
 ) -> None:
-    """Print a dpiv.toml to start from, with what the files of a folder show filled in."""
+    """Print a template of dpiv.toml, filled in from the files of a folder."""
     from postprocess.lab.data.dpiv_reference import dpiv_template
 
     print(dpiv_template(data), end="")
@@ -271,7 +278,7 @@ def new_dpiv(
 
 @app.command
 def openfoam() -> None:
-    """Say which OpenFOAM is found."""
+    """Print the version of OpenFOAM."""
     from pipeline.openfoam.environment import foam_version
 
     print(f"OpenFOAM {foam_version()}")
@@ -295,8 +302,8 @@ def completion(shell: Annotated[str, Parameter(help="bash, zsh or fish.")]) -> N
 
 @app.command(show=False)
 def target(name: str) -> None:
-    """Make SCENE.STAGE, or SCENE.view (the Makefile)."""
-    from fileio.errors import meant
+    """Make SCENE.STAGE or SCENE.view, for the Makefile."""
+    from fileio.errors import suggestion
     from pipeline.runs.stages import TARGETS
 
     scene, _, stage = name.rpartition(".")
@@ -307,8 +314,8 @@ def target(name: str) -> None:
         app(["run", f"cases/{scene}", "--until", stage])
     else:
         words = [f"{one}.{stage_}" for one in known for stage_ in (*TARGETS, "view")]
-        near = meant(name, [*known, *words])
-        raise StageError(f"{name}: no such scene or target{near}; make help lists what there is")
+        near = suggestion(name, [*known, *words])
+        raise StageError(f"{name}: no such scene or target{near}; make help lists them")
 
 
 @app.command(show=False)
@@ -320,20 +327,22 @@ def job(plan: Path, name: str, stage: str, *, threads: int = 1, collated: Switch
 
 
 def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> Any:  # noqa: B006
-    """The run of a scene, with KEY=VALUE pairs in place of its numbers in a folder of their own."""
+    """The run of a scene; one with overrides (KEY=VALUE) has its own folder."""
     from fileio.provenance import digest
     from pipeline.runs.run import open_run
     from pipeline.study.rows import parse_cell
 
     if not (scene / "scene.toml").is_file():
-        from fileio.errors import meant
+        from fileio.errors import suggestion
 
         known = sorted(path.parent.name for path in Path("cases").glob("*/scene.toml"))
-        raise StageError(f"{scene}: no such scene{meant(scene.name, known)}; make help lists them")
+        raise StageError(
+            f"{scene}: no such scene{suggestion(scene.name, known)}; make help lists them"
+        )
     if wrong := [text for text in values if "=" not in text]:
         raise StageError(f"--set {wrong[0]}: give KEY=VALUE, as mesh.tip_cell=0.001")
     if name and not values:
-        raise StageError("--name goes with --set: a run as the scene says has its own place")
+        raise StageError("--name needs --set: a run without overrides has its own folder")
     overrides = {k.strip(): parse_cell(v.strip()) for k, _, v in (t.partition("=") for t in values)}
     place = name or digest([level, overrides])[:8]
     out = scene / "out" / "variations" / place if overrides else None
@@ -373,10 +382,9 @@ def _slurm_place() -> list[str]:
 
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
-
     importing()
     for name in [name for name, value in os.environ.items() if not value]:
-        del os.environ[name]  # make hands on the values that are left out, empty
+        del os.environ[name]  # make passes omitted values as empty ones
 
     def action() -> int:
         command: Callable[..., Any]

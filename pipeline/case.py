@@ -1,4 +1,4 @@
-"""Stage case: an OpenFOAM case for each interval — the base case, one file of numbers, the swept mesh in its first shape."""
+"""Stage case: one OpenFOAM case for each mesh interval, from templates and the swept mesh."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
 
 
 def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> dict[str, str]:
-    """The entries of system/numbers for one interval of a scene, whose fields at `handover` (s) are kept; `back` is the z of the mesh's back wall, m.
+    """The entries of system/numbers for one interval.
 
-    `startTime` changes where the run stage resumes.
+    handover: time (s) of the fields that start the next interval; back: z (m) of the back wall.
+    The run stage changes `startTime` where it resumes.
     """
     kind = scene.model.kind
     flat, n = kind == "2d", scene.numerics
@@ -87,9 +88,12 @@ def numbers_text(entries: dict[str, str]) -> str:
 
 
 def regions_text(kind: str) -> str:
-    """The file system/regions: which wall each zone of columns follows."""
+    """The file system/regions: the wall that each zone of columns follows."""
     zones = {"behindSheet": "backZone"} | ({"beforeSheet": "frontZone"} if kind == "full" else {})
-    text = "// Columns of cells that follow one wall; the second zone is empty: nothing is interpolated.\n"
+    text = (
+        "// Columns of cells that follow one wall; the second zone is empty: nothing is"
+        " interpolated.\n"
+    )
     for zone, wall in zones.items():
         text += (
             f"{zone}\n{{\n    interpolationScheme oneSided;\n    boundaryField\n    {{\n"
@@ -100,7 +104,7 @@ def regions_text(kind: str) -> str:
 
 
 def sides(planform: xr.Dataset) -> np.ndarray:
-    """Index into OUTER_PATCHES for each edge of the planform that lies on the tank's outline (else 0)."""
+    """Index into OUTER_PATCHES for each edge on the tank's outline, 0 for the other edges."""
     nodes = planform["points"].values[0]
     edges = planform_edges(planform["triangles"].values, planform["quads"].values)
     left, _, right, top = planform.attrs["corners"]
@@ -135,7 +139,7 @@ def build_mesh(planform: xr.Dataset) -> PolyMesh:
 def patch_types(kind: str) -> dict[str, str]:
     """OpenFOAM's type of each patch.
 
-    The tank's sides are no walls to it: from walls v1912 computes distances in every step that the mesh moves, for nothing.
+    The tank's sides are patches: v1912 recomputes distances from walls whenever the mesh moves.
     """
     flat = kind == "2d"
     return dict.fromkeys(BODY_PATCHES, "wall") | {
@@ -152,9 +156,9 @@ def patch_types(kind: str) -> dict[str, str]:
 def zones(
     mesh: PolyMesh, planform: xr.Dataset
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Face zones that drive the motion, and the columns of cells along which the points follow each.
+    """Face zones that drive the motion, and the zones of cells whose points follow them.
 
-    v1912 searches the points and edges of these cells in every time step: the zone holds only the cells needed to touch all.
+    A cell zone holds only the cells that touch all points: v1912 searches it in every time step.
     """
     levels, kind = planform["levels"].values, str(planform.attrs["model"])
     triangles = planform["triangles"].values
@@ -171,19 +175,23 @@ def zones(
     }
 
 
-def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.Dataset, mesh: PolyMesh,
-               points: np.ndarray) -> dict[str, np.ndarray]:  # fmt: skip
+def write_case(
+    folder: Path,
+    entries: dict[str, str],
+    first: bool,
+    planform: xr.Dataset,
+    mesh: PolyMesh,
+    points: np.ndarray,
+) -> dict[str, np.ndarray]:
     """Write the OpenFOAM case of one mesh interval; returns the columns of its mesh.
 
-    `entries`: of system/numbers; `points` (point, 3) m; all intervals but the `first` start from mapped fields.
+    entries: of system/numbers; points: (point, 3) m; first: starts from rest, not mapped fields.
     """
     kind = str(planform.attrs["model"])
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
     if not first:
-        (folder / "0").rename(
-            folder / "0.orig"
-        )  # the templates into which the run stage maps the fields
+        (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
     faces, cells = zones(mesh, planform)
@@ -194,19 +202,20 @@ def write_case(folder: Path, entries: dict[str, str], first: bool, planform: xr.
 
 
 def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform: Path) -> None:
-    """StageError where the intervals that a planform was made for do not begin at whole time steps (s)."""
+    """StageError where an interval of the planform does not begin at a whole time step (s)."""
     for interval in intervals:
         if abs(interval.start - steps_of(interval.start, time_step) * time_step) > 1e-6 * time_step:
             raise StageError(
-                f"{planform}: interval {interval.index} begins at {interval.start:g} s, no whole number of numerics.time_step ="
-                f" {time_step:g} s, which has changed since; delete that file and run make again"
+                f"{planform}: interval {interval.index} begins at {interval.start:g} s, no whole"
+                f" number of numerics.time_step = {time_step:g} s, which has changed since; delete"
+                " that file and run make again"
             )
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write the folders `case/interval_<k>` and `sweep.h5` (the columns of their meshes)."""
     folder = scene.out / "case"
-    template_files()  # refuses where a template is missing, before the old case is deleted
+    template_files()  # raises before the old case is deleted
     intervals = read_intervals(scene.out)
     check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {
@@ -215,10 +224,10 @@ def run(scene: Scene, quiet: bool = False) -> None:
     }
     law = read_kinematics(scene.out / "kinematics.h5").law
     meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
-    # the run was of the case that is now deleted
+    # its case is deleted below
     (scene.out / "run" / "run.json").unlink(missing_ok=True)
     folder.mkdir(exist_ok=True)
-    with exclusive(scene.out / "solver"):  # no run may be using it
+    with exclusive(scene.out / "solver"):  # a running solver uses the case
         for old in folder.iterdir():
             shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}

@@ -1,4 +1,4 @@
-"""Stage sheet: what the laser sheet shows — the solver's symmetry plane on a regular grid, as a plane series."""
+"""Stage sheet: the flow in the laser sheet on a regular grid, as a plane series."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pipeline.scene.scene import Scene
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
-INSET = 1e-7  # m: points of the mirror plane are sampled this much inside the mesh
+_INSET = 1e-7  # m, of points of the mirror plane into the mesh
 
 
 def sheet_axes(
@@ -39,20 +39,20 @@ def sheet_axes(
     return axes[0], axes[1]
 
 
-def view_axes(view: View, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Grid axes (m) that cover x0 … x1, y0 … y1 as far as there is water. StageError where there is none."""
+def view_axes(view: tuple[float, ...], scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Grid axes (m) of the water in a view. StageError where the view shows no water."""
     half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
     low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
     if np.any(high - low < 2 * spacing):
         raise StageError(
-            f"--view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
+            f"view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
         )
     first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
     x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
     return x, y
 
 
-def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+def _sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
     plane = read_surface(path)
     grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
@@ -76,27 +76,32 @@ def sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[s
 
 
 def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
-    """FIELDS on a grid about x = 0 from a plane that holds x <= 0 only: nothing flows through the plane of symmetry."""
+    """FIELDS on a grid about x = 0 from a plane of x <= 0; u = 0 on the symmetry plane."""
     left = x[: len(x) // 2 + 1].copy()
-    left[-1] -= INSET
-    fields = sample_plane(path, left, y, flat)
+    left[-1] -= _INSET
+    fields = _sample_plane(path, left, y, flat)
     fields["u"][:, -1] *= 0.0  # NaN stays NaN
     return {name: whole_picture(name, field) for name, field in fields.items()}
 
 
 def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
-    """A field (y, x) of x <= 0, its last column on the plane of symmetry, with its mirror image on the right."""
+    """A field (y, x) of x <= 0, whose last column has x = 0, joined with its mirror image."""
     sign = left.dtype.type(-1 if name in ODD else 1)
     return np.concatenate([left, sign * left[:, -2::-1]], axis=1)
 
 
-def frames(
-    planes: list[tuple[float, Path]], mirrored: bool, flat: bool, density: float, kinematics: Kinematics,
-    x: np.ndarray, y: np.ndarray,
-) -> Iterator[tuple[float, dict[str, np.ndarray]]]:  # fmt: skip
-    """Time and variables of each of `planes`; absent inside the fingers. `mirrored`: they hold x <= 0 only."""
+def _frames(
+    planes: list[tuple[float, Path]],
+    mirrored: bool,
+    flat: bool,
+    density: float,
+    kinematics: Kinematics,
+    x: np.ndarray,
+    y: np.ndarray,
+) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+    """Time and variables of each plane; NaN inside the fingers. mirrored: planes of x <= 0."""
     mesh_x, mesh_y = np.meshgrid(x, y)
-    sample = sample_mirrored if mirrored else sample_plane
+    sample = sample_mirrored if mirrored else _sample_plane
     for time, path in planes:
         fields = sample(path, x, y, flat)
         fields["p"] = fields["p"] * np.float32(density)
@@ -110,22 +115,20 @@ def frames(
         yield time, fields | {"valid": valid.astype(np.uint8)} | fingers
 
 
-View = tuple[float, float, float, float]
-
-
 def run(
-    scene: Scene, quiet: bool = False, view: View | None = None, output: Path | None = None
+    scene: Scene,
+    quiet: bool = False,
+    view: tuple[float, ...] | None = None,
+    output: Path | None = None,
 ) -> None:
-    """Write sheet.h5 frame by frame; `view` (x0, x1, y0, y1 in m) in place of the camera's, to another file `output`."""
-    if (view is None) != (output is None):
-        raise StageError("--view and --output belong together: another view goes to another file")
+    """Write sheet.h5 frame by frame, or another view (m: x0, x1, y0, y1) to `output`."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
         x, y = sheet_axes(
             scene.camera, scene.sheet.spacing, scene.sheet.margin, symmetric=kinematics.mirror
         )
     else:
-        reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet has as much on either side
+        reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet is symmetric
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     intervals = read_intervals(scene.out)
     planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
@@ -133,7 +136,7 @@ def run(
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"
     about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}
-    pictures = frames(planes, mirrored, flat, density, kinematics, x, y)
+    pictures = _frames(planes, mirrored, flat, density, kinematics, x, y)
     with writing_planes(path, x, y, count, about) as file:
         for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):
             file.write(k, time, fields)

@@ -84,7 +84,7 @@ def _output_locked(args: argparse.Namespace) -> Iterator[None]:
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
     commands = {name: (about, f"piv.commands.{name}") for name, about in COMMANDS.items()}
-    return command_line("piv", __doc__, commands, argv, around=_output_locked, prefix="piv ")
+    return command_line("piv", __doc__, commands, argv, around=_output_locked)
 
 
 if __name__ == "__main__":

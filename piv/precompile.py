@@ -17,7 +17,7 @@ from piv.vortices.lamb_oseen_fit import lamb_oseen
 
 TIMES = 0.002 * np.arange(1, 5)  # s
 BODY = np.array([[-0.02, -0.02], [-0.01, -0.02], [-0.01, -0.01], [-0.02, -0.01]])  # m
-CAMERA = {"width_px": 256, "height_px": 256, "scale_m_per_px": 1.25e-4, "truth": False}
+CAMERA = {"width_px": 256, "height_px": 256, "truth": False}
 
 
 def _precompile(folder: Path) -> None:

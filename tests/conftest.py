@@ -26,7 +26,9 @@ extends = "{parent}"
 {more}
 [levels.tiny]
 model = {{ kind = "{kind}" }}
-mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
+mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, \
+tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, \
+edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
 numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
 """
 

@@ -31,7 +31,7 @@ def set_up(kinematics: Kinematics, columns: int = 400, seed: int = 1, **more) ->
     """A small camera before the finger, with errors of set-up."""
     errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
     return SetUp(
-        camera_for(kinematics.root, columns, 0.16 / columns, 500.0),
+        camera_for(kinematics.root, columns, 160 / columns, 500.0),
         Seeding(density_ppp=0.06),
         seed=seed,
         **errors,
@@ -40,8 +40,8 @@ def set_up(kinematics: Kinematics, columns: int = 400, seed: int = 1, **more) ->
 
 def stated_pose(kinematics: Kinematics, camera: Camera) -> Pose:
     """What the laboratory believes."""
-    at = np.asarray(camera.origin_px) + np.asarray(kinematics.root) / camera.scale_m_per_px
-    return Pose(camera.scale_m_per_px, 0.0, kinematics.root, (float(at[0]), float(at[1])))
+    at = np.asarray(camera.origin_px) + np.asarray(kinematics.root) / camera.pixel
+    return Pose(camera.scale_mm_per_px, 0.0, kinematics.root, (float(at[0]), float(at[1])))
 
 
 def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:

@@ -32,7 +32,6 @@ tip_width?  -  m  of the finger
 seed?  -  -  of random numbers
 versions?  -  -  JSON: of the libraries
 settings?  -  -  JSON: with which it was made
-scene_hash?  -  -  digest of the scene
 """)
 SCHEMA = Schema(
     "plane-series",

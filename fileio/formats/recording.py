@@ -29,7 +29,7 @@ mask?  time, row, column  1  uint8, 1 = body
 """)
     + FINGERS
     + variables("""
-scale_m_per_px?  -  m/px  size of a pixel in the light sheet
+scale_mm_per_px?  -  mm/px  size of a pixel in the light sheet
 origin_x_px?  -  px  the tank frame's origin, right of the centre of the left column
 origin_y_px?  -  px  the same, **up** from the centre of the bottom row
 frame_rate_hz?  -  Hz  frames per second
@@ -40,6 +40,13 @@ camera?  -  -  JSON: the camera that was simulated
 )
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
 _DIMS = ("time", "row", "column")
+CAMERA = ("scale_mm_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz")
+
+
+def pixel_of(attrs: Mapping[str, Any]) -> float | None:
+    """Size of a pixel in the sheet (m) by the attributes of a recording or of its vectors."""
+    scale = attrs.get("scale_mm_per_px")
+    return None if scale is None else float(scale) * 1e-3
 
 
 def open_recording_file(path: Path) -> h5py.File:

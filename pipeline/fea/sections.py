@@ -12,11 +12,11 @@ from pipeline.scene.section import validation_sentence
 
 def sections(scene: Scene) -> tuple[Actuator, Fea]:
     """The actuator and its analysis; StageError naming all keys that are wrong."""
+    name = "actuator"
     try:
-        kind, name = Actuator, "actuator"
         actuator = Actuator(**scene.actuator)
-        kind, name = Fea, "fea"
+        name = "fea"
         return actuator, Fea(**scene.fea)
     except ValidationError as error:
-        sentence = validation_sentence(error, kind, name)
+        sentence = validation_sentence(error, Fea if name == "fea" else Actuator, name)
         raise StageError(f"{scene.folder / 'scene.toml'}: {sentence}") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.geometry.planform import Planform
 
@@ -13,12 +14,12 @@ from pipeline.geometry.planform import Planform
 class Edges:
     """Edges of a planform: end nodes (edge, 2), and the cells left and right (-1 outside)."""
 
-    nodes: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
+    nodes: ndarray
+    left: ndarray
+    right: ndarray
 
 
-def planform_edges(triangles: np.ndarray, quads: np.ndarray) -> Edges:
+def planform_edges(triangles: ndarray, quads: ndarray) -> Edges:
     """Unique edges of triangles, then quads, directed as the cell on their left runs."""
     pairs = [np.stack([c, np.roll(c, -1, axis=1)], -1).reshape(-1, 2) for c in (triangles, quads)]
     directed = np.vstack(pairs)
@@ -35,31 +36,31 @@ def planform_edges(triangles: np.ndarray, quads: np.ndarray) -> Edges:
     return Edges(directed[start], owner[start], right)
 
 
-def neighbours(edges: Edges) -> np.ndarray:
+def neighbours(edges: Edges) -> ndarray:
     """Pairs (inner edge, 2) of planform cells that share an edge."""
     inner = edges.right >= 0
     return np.column_stack([edges.left[inner], edges.right[inner]])
 
 
-def cell_centres(nodes: np.ndarray, triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
+def cell_centres(nodes: ndarray, triangles: ndarray, quads: ndarray) -> ndarray:
     """Area centroids of triangles, then quads."""
     (a, first), (b, second) = _halves(nodes, quads)
     middle = (a[:, None] * first + b[:, None] * second) / (a + b)[:, None]
     return np.vstack([nodes[triangles].mean(1), middle])
 
 
-def cell_areas(nodes: np.ndarray, triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
+def cell_areas(nodes: ndarray, triangles: ndarray, quads: ndarray) -> ndarray:
     """Areas of triangles, then quads, m²."""
     (a, _), (b, _) = _halves(nodes, quads)
     return np.concatenate([_area_centroid(nodes[triangles])[0], a + b])
 
 
-def _halves(nodes: np.ndarray, quads: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def _halves(nodes: ndarray, quads: ndarray) -> list[tuple[ndarray, ndarray]]:
     """Areas and centroids of the two triangles of each quad."""
     return [_area_centroid(nodes[quads[:, corners]]) for corners in ([0, 1, 2], [0, 2, 3])]
 
 
-def _area_centroid(corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _area_centroid(corner: ndarray) -> tuple[ndarray, ndarray]:
     e, f = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     return 0.5 * (e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]), corner.mean(1)
 
@@ -74,7 +75,7 @@ class Quality:
     min_area_ratio: float
 
 
-def shape_quality(planform: Planform, nodes: np.ndarray) -> Quality:
+def shape_quality(planform: Planform, nodes: ndarray) -> Quality:
     """Quality at `nodes` (node, 2), as OpenFOAM's checkMesh defines the measures."""
     cells = planform.triangles, planform.quads
     edges, centre = planform_edges(*cells), cell_centres(nodes, *cells)

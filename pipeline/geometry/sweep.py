@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from numpy import ndarray
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from pipeline.geometry.quality import planform_edges
@@ -17,12 +18,12 @@ from pipeline.openfoam.foamfile import END, header, write_bytes, write_list
 class Sweep:
     """A planform and the levels it is swept through; bodies, numbered from 1, have no cells."""
 
-    triangles: np.ndarray
-    quads: np.ndarray
-    body: np.ndarray  # (triangle,) number of the body in whose footprint it lies, 0 in the water
+    triangles: ndarray
+    quads: ndarray
+    body: ndarray  # (triangle,) number of the body in whose footprint it lies, 0 in the water
     body_patch: tuple[str, ...]  # of the walls of bodies 1, 2 …, out of BODY_PATCHES
     body_half_width: tuple[float, ...]  # reach in |z|, m
-    levels: np.ndarray  # (level,) z from the back to the front, m
+    levels: ndarray  # (level,) z from the back to the front, m
     model: str  # 2d, half, quarter or full
 
 
@@ -30,22 +31,22 @@ class Sweep:
 class PolyMesh:
     """Topology of a swept mesh in OpenFOAM's order."""
 
-    node: np.ndarray  # (point,) planform node of each point
-    level: np.ndarray  # (point,)
-    face_offset: np.ndarray
-    face_points: np.ndarray
-    owner: np.ndarray
-    neighbour: np.ndarray
+    node: ndarray  # (point,) planform node of each point
+    level: ndarray  # (point,)
+    face_offset: ndarray
+    face_points: ndarray
+    owner: ndarray
+    neighbour: ndarray
     patches: tuple[tuple[str, int, int], ...]  # name, first face, number of faces
-    cell_column: np.ndarray  # (cell,) planform cell (triangles, then quads)
-    cell_layer: np.ndarray
+    cell_column: ndarray  # (cell,) planform cell (triangles, then quads)
+    cell_layer: ndarray
 
-    def points(self, nodes: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    def points(self, nodes: ndarray, levels: ndarray) -> ndarray:
         """Point coordinates (point, 3) for planform nodes (node, 2)."""
         return np.column_stack([nodes[self.node], levels[self.level]])
 
 
-def sweep_mesh(sweep: Sweep, side_of_edge: np.ndarray) -> PolyMesh:
+def sweep_mesh(sweep: Sweep, side_of_edge: ndarray) -> PolyMesh:
     """The swept mesh; `side_of_edge` (edge,): index into OUTER_PATCHES of edges with one cell."""
     columns = len(sweep.triangles) + len(sweep.quads)
     layers = len(sweep.levels) - 1
@@ -112,9 +113,7 @@ BODY_PATCHES = ("finger", "mirrored_finger", "object", "support")
 _PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 
 
-def _cell_numbers(
-    exists: np.ndarray, left: np.ndarray, right: np.ndarray, columns: int
-) -> np.ndarray:
+def _cell_numbers(exists: ndarray, left: ndarray, right: ndarray, columns: int) -> ndarray:
     """Numbers of cells, column by column in an order of small bandwidth for the linear solver."""
     pair = right >= 0
     a, b = left[pair], right[pair]
@@ -165,7 +164,7 @@ def _across(nodes_of, exists, number, point, patch_of, model):
             yield _reversed(corner[down]), number[down, k], none[down], end[down]
 
 
-def _reversed(corner: np.ndarray) -> np.ndarray:
+def _reversed(corner: ndarray) -> ndarray:
     """Corners in the opposite sense; the blank fourth corner of a triangle stays last."""
     triangle = corner[:, 3] < 0
     turned = corner[:, ::-1].copy()
@@ -175,11 +174,11 @@ def _reversed(corner: np.ndarray) -> np.ndarray:
 
 def write_polymesh(
     mesh: PolyMesh,
-    points: np.ndarray,
+    points: ndarray,
     folder: Path,
     patch_types: dict[str, str],
-    face_zones: dict[str, np.ndarray],
-    cell_zones: dict[str, np.ndarray],
+    face_zones: dict[str, ndarray],
+    cell_zones: dict[str, ndarray],
 ) -> None:
     """Write constant/polyMesh (binary) with its patches and zones."""
     place = "constant/polyMesh"
@@ -205,7 +204,7 @@ def write_polymesh(
     _write_zones(folder / "cellZones", "cellZone", "cellLabels", cell_zones)
 
 
-def _write_zones(path: Path, kind: str, labels: str, zones: dict[str, np.ndarray]) -> None:
+def _write_zones(path: Path, kind: str, labels: str, zones: dict[str, ndarray]) -> None:
     text = f"{len(zones)}\n(\n"
     for name, members in zones.items():
         listed = " ".join(map(str, members.tolist()))

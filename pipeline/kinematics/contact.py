@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import ndarray
 from scipy.optimize import brentq
 from scipy.special import expit
 
@@ -23,7 +24,7 @@ _SCANS = 50  # at least; for shapes over time
 _STOPPED = 1e-4  # m from the residual gap: contact
 
 
-def gap(outlines: np.ndarray, pinch: Pinch) -> np.ndarray:
+def gap(outlines: ndarray, pinch: Pinch) -> ndarray:
     """Least distance (...,) m of outlines (..., point, 2) to the plane x = 0 and to the object.
 
     Negative beyond the plane, or inside the object.
@@ -39,7 +40,7 @@ def gap(outlines: np.ndarray, pinch: Pinch) -> np.ndarray:
     return np.minimum(plane, distance - 0.5 * pinch.object.diameter)
 
 
-def ramp(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+def ramp(x: ndarray, derivative: int = 0) -> ndarray:
     """0 for x <= -1, x for x >= 1, three times continuously differentiable; slope 0 to 1."""
     u = np.clip(0.5 * (np.asarray(x, float) + 1), 0, 1)
     if derivative == 0:
@@ -47,7 +48,7 @@ def ramp(x: np.ndarray, derivative: int = 0) -> np.ndarray:
     return u**3 * (10 - 15 * u + 6 * u**2) if derivative == 1 else 15 * u**2 * (1 - u) ** 2
 
 
-def exponential(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+def exponential(x: ndarray, derivative: int = 0) -> ndarray:
     """ln(1 + exp(4 x)) / 4: x far above 0, decaying exponentially below; slope 0 to 1."""
     x = 4 * np.asarray(x, float)
     if derivative == 0:
@@ -65,9 +66,9 @@ class ClosingLaw:
     free: PressureLaw
     hold: float
     slowing: float
-    shape: Callable[..., np.ndarray]
+    shape: Callable[..., ndarray]
 
-    def __call__(self, time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def __call__(self, time: ndarray, derivative: int = 0) -> ndarray:
         """Pressure (Pa) of the shape at `time` s, or its first or second derivative."""
         free = self.free(time)
         short = (self.hold - free) / self.slowing
@@ -126,7 +127,7 @@ def _reach(
     return float(brentq(lambda p: gap_at(p) - value, at[k - 1], at[k], xtol=1e-9, rtol=1e-14))
 
 
-def closing_summary(time: np.ndarray, gaps: np.ndarray, pinch: Pinch) -> dict[str, float]:
+def closing_summary(time: ndarray, gaps: ndarray, pinch: Pinch) -> dict[str, float]:
     """`least_gap` (m), `peak_closing_speed` (m/s) and, where it is reached, `contact_time` (s)."""
     summary = {
         "residual_gap": pinch.residual_gap,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import States, read_states, shapes_of
@@ -18,6 +19,7 @@ from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.kinematics.shapes import (
     FingerShapes,
     add_tip,
+    arc_length,
     circular_states,
     rounded_strip,
     with_chambers,
@@ -45,20 +47,20 @@ class FingerMotion:
     states: States
     over_time: bool = False
 
-    def to_tank(self, points: np.ndarray) -> np.ndarray:
+    def to_tank(self, points: ndarray) -> ndarray:
         """Points (…, 2) from the actuator's frame, origin at the root's middle, to the tank's."""
         return self.turn(points) + np.asarray(self.finger.root)
 
-    def outline(self, pressure: float) -> np.ndarray:
+    def outline(self, pressure: float) -> ndarray:
         """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape."""
         return self.to_tank(self.shapes.outline(pressure))
 
-    def turn(self, vectors: np.ndarray) -> np.ndarray:
+    def turn(self, vectors: ndarray) -> ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""
         return vectors @ axes(self.finger)
 
 
-def axes(finger: Finger) -> np.ndarray:
+def axes(finger: Finger) -> ndarray:
     """Rows: the actuator's axes, along the finger and to the ventral side, in the tank frame."""
     side = 1.0 if finger.ventral == "+x" else -1.0
     c, s = np.cos(np.radians(finger.tilt_deg)), np.sin(np.radians(finger.tilt_deg))
@@ -93,14 +95,14 @@ def finger_motion(
             f" change it, or analyse more pressures ([fea] in {where})"
         )
     rest = int(np.argmin(np.abs(states.pressure)))
-    length = _arc_length(states.profile[rest])[-1]
+    length = arc_length(states.profile[rest])[-1]
     if abs(length - finger.length) > _LENGTH_TOLERANCE * finger.length:
         raise StageError(
             f"{where}: finger.length = {finger.length:g} m but the states of motion.states are"
             f" {length:.4g} m long; give that length"
         )
     states = add_tip(states, finger.tip.length, finger.tip.thickness)
-    s, thickness = _arc_length(states.profile[rest]), states.thickness[rest]
+    s, thickness = arc_length(states.profile[rest]), states.thickness[rest]
     radii = finger.root_corner_radius, finger.tip.corner_radius
     strip = rounded_strip(s[-1], thickness, s, *radii)
     if finger.chambers is not None:
@@ -120,17 +122,13 @@ def finger_motion(
     return replace(free, law=closing_law(law, gap_at, start, float(high), pinch, str(where)))
 
 
-def _arc_length(profile: np.ndarray) -> np.ndarray:
-    return np.concatenate([[0], np.cumsum(np.hypot(*np.diff(profile, axis=0).T))])
-
-
-def _time_itself(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+def _time_itself(time: ndarray, derivative: int = 0) -> ndarray:
     """The law of shapes that are given over time."""
     time = np.asarray(time, float)
     return time if derivative == 0 else np.full(time.shape, float(derivative == 1))
 
 
-def law_times(end_time: float) -> np.ndarray:
+def law_times(end_time: float) -> ndarray:
     """Instants (s) at which the law is written; a spline through them is exact to rounding."""
     return np.linspace(0.0, end_time, int(np.ceil(end_time * _LAW_SAMPLES_PER_SECOND)) + 1)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
@@ -17,10 +18,10 @@ SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 class PressureLaw(Protocol):
     """Pressure (Pa) and its time derivatives at times in s."""
 
-    def __call__(self, time: np.ndarray, derivative: int = 0) -> np.ndarray: ...
+    def __call__(self, time: ndarray, derivative: int = 0) -> ndarray: ...
 
 
-def three_pole(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+def three_pole(x: ndarray, derivative: int = 0) -> ndarray:
     """Step response of three equal real poles, 0 for x <= 0, or its first or second derivative."""
     x = np.maximum(x, 0.0)
     if derivative == 0:
@@ -32,7 +33,7 @@ def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]])
     """Superposed strokes (pressure Pa, start s, duration s), each then 2 % from its end."""
     steps = np.diff([start_pressure] + [stroke[0] for stroke in strokes])
 
-    def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def law(time: ndarray, derivative: int = 0) -> ndarray:
         time = np.asarray(time, float)
         total = np.full(time.shape, start_pressure if derivative == 0 else 0.0)
         for step, (_, start, duration) in zip(steps, strokes, strict=True):
@@ -53,7 +54,7 @@ def measured_law(path: Path) -> PressureLaw:
     return history_law(times, pressure)
 
 
-def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.ndarray]:
+def measured_table(path: Path, header: str, units: str) -> tuple[ndarray, ndarray]:
     """Increasing times and values of a CSV with two columns; StageError names the `units`."""
     try:
         rows = _data_rows(path, header, units)
@@ -76,7 +77,7 @@ def measured_table(path: Path, header: str, units: str) -> tuple[np.ndarray, np.
     return table[:, 0], table[:, 1]
 
 
-def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
+def history_law(times: ndarray, pressure: ndarray) -> PressureLaw:
     """Cubic spline through a history (s, Pa), held constant before and after."""
     rest = np.min(np.diff(times)) * np.arange(1, 5)
     spline = CubicSpline(  # constant knots at both ends let the spline settle: C2 there too
@@ -86,7 +87,7 @@ def history_law(times: np.ndarray, pressure: np.ndarray) -> PressureLaw:
     )
     first, last = spline.x[0], spline.x[-1]
 
-    def law(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def law(time: ndarray, derivative: int = 0) -> ndarray:
         t = np.asarray(time, float)
         inside = (t >= first) & (t <= last)
         outside = np.where(t < first, pressure[0], pressure[-1]) if derivative == 0 else 0.0

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
@@ -17,7 +18,7 @@ from pipeline.scene.sections import Motion
 _SAMPLES_PER_SMOOTHING = 200  # a cubic spline through them is exact to 1e-9 of the law's step
 
 
-def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
+def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
     """0 before 0, 1 after 1, three times continuously differentiable, or its first derivative."""
     x = np.clip(x, 0.0, 1.0)
     if derivative == 0:
@@ -29,9 +30,9 @@ def smooth_step(x: np.ndarray, derivative: int = 0) -> np.ndarray:
 class Distance:
     """The distance (m or rad) and its rate over `time` (s)."""
 
-    time: np.ndarray
-    distance: np.ndarray
-    rate: np.ndarray
+    time: ndarray
+    distance: ndarray
+    rate: ndarray
 
 
 def travelled(law: Law, end_time: float) -> Distance:
@@ -54,7 +55,7 @@ def travelled(law: Law, end_time: float) -> Distance:
     return Distance(time, CubicSpline(time, rate).antiderivative()(time), rate)
 
 
-def rest_outline(body: RigidBody) -> np.ndarray:
+def rest_outline(body: RigidBody) -> ndarray:
     """Closed counter-clockwise outline (point, 2) about the centre, m; a plate's ends are round."""
     if body.shape == "circle":
         turn = np.linspace(0, 2 * np.pi, body.points, endpoint=False)
@@ -71,7 +72,7 @@ def rest_outline(body: RigidBody) -> np.ndarray:
     return _turned(points, np.radians(body.angle_deg))
 
 
-def _turned(points: np.ndarray, angle: float) -> np.ndarray:
+def _turned(points: ndarray, angle: float) -> ndarray:
     """Points (…, 2) rotated counter-clockwise by `angle` rad."""
     c, s = np.cos(angle), np.sin(angle)
     return points @ np.array([[c, s], [-s, c]])
@@ -102,7 +103,7 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
     centre = np.asarray(body.centre)
     direction = _turned(np.array([1.0, 0.0]), np.radians(law.direction_deg if law else 0.0))
 
-    def placed(points: np.ndarray) -> np.ndarray:
+    def placed(points: ndarray) -> ndarray:
         if motion.rotation:
             return np.array([_turned(points, q) for q in knots]) + centre
         return points + centre + knots[:, None, None] * direction

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import States
@@ -20,14 +21,19 @@ _STEP = 0.1  # from point to point of an outline with gaps
 class Strip:
     """Points of the outline: arc length `s` (m) at rest, height `eta` (0 ventral, 1 dorsal)."""
 
-    s: np.ndarray
-    eta: np.ndarray
+    s: ndarray
+    eta: ndarray
+
+
+def arc_length(line: ndarray) -> ndarray:
+    """Length (point,) along a polyline (point, 2), zero at its start."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
 def rounded_strip(
     length: float,
-    thickness: np.ndarray,
-    s: np.ndarray,
+    thickness: ndarray,
+    s: ndarray,
     root_radius: float,
     tip_radius: float,
     points: int = 480,
@@ -47,14 +53,14 @@ def rounded_strip(
     lower = np.column_stack([fine, cut])
     upper = np.column_stack([fine, height - cut])[::-1]
     loop = np.vstack([lower, upper, lower[:1]])
-    walk = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(loop, axis=0).T))])
+    walk = arc_length(loop)
     at = np.linspace(0, walk[-1], points, endpoint=False)
     x, y = np.interp(at, walk, loop[:, 0]), np.interp(at, walk, loop[:, 1])
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 
 def with_chambers(
-    strip: Strip, chambers: Chambers, length: float, thickness: np.ndarray, s: np.ndarray
+    strip: Strip, chambers: Chambers, length: float, thickness: ndarray, s: ndarray
 ) -> Strip:
     """A strip with gaps between the chambers on its first `length` (m), counter-clockwise.
 
@@ -90,6 +96,24 @@ def with_chambers(
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 
+def profile_splines(states: States) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
+    """Tangent angle and length of the pieces of the profile, and thickness, over pressure."""
+    x, y = np.moveaxis(np.diff(states.profile, axis=1), -1, 0)
+    angle = np.unwrap(np.arctan2(y, x), axis=1)
+    angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
+    angles, lengths, thickness = (
+        CubicSpline(states.pressure, table) for table in (angle, np.hypot(x, y), states.thickness)
+    )
+    return angles, lengths, thickness
+
+
+def node_angle(angle: ndarray) -> ndarray:
+    """Tangent angle (…, point) at a profile's points, from those of its pieces."""
+    ends = 1.5 * angle[..., [0, -1]] - 0.5 * angle[..., [1, -2]]
+    inner = 0.5 * (angle[..., 1:] + angle[..., :-1])
+    return np.concatenate([ends[..., :1], inner, ends[..., 1:]], axis=-1)
+
+
 class FingerShapes:
     """Finger shapes as smooth functions of pressure.
 
@@ -98,14 +122,9 @@ class FingerShapes:
     """
 
     def __init__(self, states: States, strip: Strip) -> None:
-        piece = np.diff(states.profile, axis=1)
-        angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
-        angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
-        self._angle = CubicSpline(states.pressure, angle)
-        self._length = CubicSpline(states.pressure, np.hypot(piece[..., 0], piece[..., 1]))
-        self._thickness = CubicSpline(states.pressure, states.thickness)
+        self._angle, self._length, self._thickness = profile_splines(states)
         rest = int(np.argmin(np.abs(states.pressure)))
-        self._s = np.concatenate([[0], np.cumsum(np.hypot(*piece[rest].T))])
+        self._s = arc_length(states.profile[rest])
         self._strip = strip
         self._root_thickness = float(states.thickness[rest, 0])
         self.tip_thickness = float(states.thickness[rest, -1])  # of the finger's end at rest, m
@@ -115,23 +134,20 @@ class FingerShapes:
         angle = self._node_angle(pressure)
         return float(angle[-1] - angle[0])
 
-    def outline(self, pressure: float) -> np.ndarray:
+    def outline(self, pressure: float) -> ndarray:
         """Closed outline (point, 2) in the actuator frame, origin at the middle of the root."""
         return self._place(self._strip, pressure)
 
-    def tip(self, pressure: float) -> np.ndarray:
+    def tip(self, pressure: float) -> ndarray:
         """Rows: middle of the tip, unit tangent out of it, unit vector to the dorsal side."""
         middle = self._place(Strip(self._s[-1:], np.array([0.5])), pressure)[0]
         angle = self._node_angle(pressure)[-1]
         return np.array([middle, [np.cos(angle), np.sin(angle)], [np.sin(angle), -np.cos(angle)]])
 
-    def _node_angle(self, pressure: float) -> np.ndarray:
-        """Tangent angle at the profile's points, from those of its pieces."""
-        angle = self._angle(pressure)
-        first, last = 1.5 * angle[[0, -1]] - 0.5 * angle[[1, -2]]
-        return np.concatenate([[first], 0.5 * (angle[1:] + angle[:-1]), [last]])
+    def _node_angle(self, pressure: float) -> ndarray:
+        return node_angle(self._angle(pressure))
 
-    def _place(self, strip: Strip, pressure: float) -> np.ndarray:
+    def _place(self, strip: Strip, pressure: float) -> ndarray:
         angle, s = self._angle(pressure), strip.s
         thickness = np.interp(s, self._s, self._thickness(pressure))
         turn = np.interp(s, self._s, self._node_angle(pressure))
@@ -164,7 +180,7 @@ def add_tip(states: States, length: float, thickness: float | None, pieces: int 
 
 
 def circular_states(
-    pressure: np.ndarray, bend: np.ndarray, length: float, thickness: float, points: int = 141
+    pressure: ndarray, bend: ndarray, length: float, thickness: float, points: int = 141
 ) -> States:
     """States of constant curvature: a profile of fixed `length` bent by `bend` (state,) rad."""
     s = np.linspace(0, 1, points)

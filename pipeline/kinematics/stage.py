@@ -84,7 +84,8 @@ def _finger_values(
         parts = np.array_split(parameter, len(time) // 200 + 1)
         gaps = np.concatenate([gap(spline(part), pinch) for part in parts])
         values |= {"free_pressure": motion.free_law(time), "gap": gaps, "mirror": 1}
-        values |= {"shape_gap": gap(outlines, pinch)} | closing_summary(time, gaps, pinch)
+        values["shape_gap"] = gap(outlines, pinch)
+        values |= closing_summary(time, gaps, pinch)
     return values
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from numpy import ndarray
 
 from pipeline.scene.pinch import Pinch, Support
 
@@ -23,7 +24,7 @@ class FixedBody:
     """
 
     name: str
-    pieces: tuple[np.ndarray, ...]
+    pieces: tuple[ndarray, ...]
     half_width: float  # reach in |z|, m
 
     @property
@@ -37,7 +38,7 @@ def fixed_bodies(
     pinch: Pinch | None,
     cylinder_length: float,
     wall_cell: float,
-    levels: np.ndarray,
+    levels: ndarray,
 ) -> tuple[FixedBody, ...]:
     """The bodies of a scene, outer ones before those within; of a pinch their halves on x <= 0.
 
@@ -56,12 +57,12 @@ def fixed_bodies(
         radius, middle = 0.5 * thing.diameter, thing.centre_height
         steps = [(radius, 0.5 * cylinder_length)]
         if thing.shape == "sphere":
-            steps = sphere_steps(radius, levels, _THIN_STEP * wall_cell)
+            steps = _sphere_steps(radius, levels, _THIN_STEP * wall_cell)
         bodies += [FixedBody("object", (_arc(r, middle, mirror),), reach) for r, reach in steps]
     return tuple(bodies)
 
 
-def sphere_steps(radius: float, levels: np.ndarray, thinnest: float) -> list[tuple[float, float]]:
+def _sphere_steps(radius: float, levels: ndarray, thinnest: float) -> list[tuple[float, float]]:
     """Discs (radius, reach in |z|; m) of about a sphere's volume, the middle one as wide as it.
 
     Steps of less than `thinnest` are joined with the next, so that no sliver of a ring is meshed.
@@ -86,7 +87,7 @@ def sphere_steps(radius: float, levels: np.ndarray, thinnest: float) -> list[tup
     return [(r, float(known[known >= end - 1e-12].min())) for r, end in sized if r > thinnest]
 
 
-def _block(half_width: float, low: float, high: float, mirror: bool) -> tuple[np.ndarray, ...]:
+def _block(half_width: float, low: float, high: float, mirror: bool) -> tuple[ndarray, ...]:
     right = 0.0 if mirror else half_width
     corners = [(right, high), (-half_width, high), (-half_width, low), (right, low)]
     if not mirror:
@@ -94,7 +95,7 @@ def _block(half_width: float, low: float, high: float, mirror: bool) -> tuple[np
     return tuple(np.linspace(a, b, 50) for a, b in pairwise(corners))
 
 
-def _arc(radius: float, height: float, mirror: bool) -> np.ndarray:
+def _arc(radius: float, height: float, mirror: bool) -> ndarray:
     """The circle about (0, height), or its half on x <= 0, from its highest point."""
     count = _CIRCLE_POINTS // (2 if mirror else 1) + 1
     turn = np.linspace(0.5 * np.pi, (1.5 if mirror else 2.5) * np.pi, count)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import ndarray
 
 # About what takes a good planform to 70° of non-orthogonality: the pinch at coarse (docs/mesh.md)
 _GAP_FACTOR = 3.0  # change of a gap
@@ -20,7 +21,7 @@ _RESTING = 1e-8  # of a mesh's reach in a time step: less is no motion
 _LEAST_REST = 0.1  # of a run's steps: a shorter rest at its end gets no interval of its own
 
 
-def cumulative_deformation(bend: np.ndarray, gap: np.ndarray) -> np.ndarray:
+def cumulative_deformation(bend: ndarray, gap: ndarray) -> ndarray:
     """Deformation (knot,) since the first shape, of bends (rad) and gaps (m; may be infinite).
 
     One mesh can follow about 1.
@@ -43,7 +44,7 @@ class Part:
         return 0.5 * (self.low + self.high)
 
 
-def divide(deformation: np.ndarray, count: int, sampling: int, overlap: int) -> list[Part]:
+def divide(deformation: ndarray, count: int, sampling: int, overlap: int) -> list[Part]:
     """Time intervals of equal deformation; each uses one of at most `count` meshes.
 
     `deformation` (step + 1,) is that after each time step. Intervals begin at multiples of
@@ -86,7 +87,7 @@ def _with_ends(intervals: list[tuple[int, int]], steps: int) -> list[tuple[int, 
     return [(*interval, end) for interval, end in zip(intervals, ends, strict=True)]
 
 
-def last_move(deformation: np.ndarray) -> int:
+def last_move(deformation: ndarray) -> int:
     """The last time step in which a motion with `deformation` (step + 1,) moves; 0 if none."""
     moving = np.flatnonzero(np.abs(np.diff(deformation)) > _RESTING)
     return int(moving[-1]) + 1 if len(moving) else 0

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
+from numpy import ndarray
 from scipy.sparse.linalg import splu
 
 _GRADIENT_TOLERANCE = 1e-7  # square root of the energy still to be gained, relative to the energy
@@ -22,7 +23,7 @@ class MorphError(ValueError):
     """No valid mesh of this connectivity was found for a boundary."""
 
 
-def corner_triangles(triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
+def corner_triangles(triangles: ndarray, quads: ndarray) -> ndarray:
     """Triangles (n, 3) whose positive areas make triangles, and quads at each corner, valid."""
     corners = ([3, 0, 1], [0, 1, 2], [1, 2, 3], [2, 3, 0])
     return np.vstack([triangles, *(quads[:, three] for three in corners)])
@@ -31,7 +32,7 @@ def corner_triangles(triangles: np.ndarray, quads: np.ndarray) -> np.ndarray:
 class Morph:
     """Symmetric Dirichlet energy of a planar mesh relative to the shape it was built in."""
 
-    def __init__(self, rest: np.ndarray, triangles: np.ndarray, fixed: np.ndarray) -> None:
+    def __init__(self, rest: ndarray, triangles: ndarray, fixed: ndarray) -> None:
         """`rest` (node, 2) m; `fixed` (node, 2) bool: coordinates that are prescribed.
 
         All triangles weigh the same: small cells are as stiff as large ones.
@@ -59,15 +60,15 @@ class Morph:
         self._free_rows, columns = (number[k[self._of_free]] for k in (self._rows, self._columns))
         self._free_start = np.searchsorted(columns, np.arange(self.free.sum() + 1))
 
-    def deformation(self, nodes: np.ndarray) -> np.ndarray:
+    def deformation(self, nodes: ndarray) -> ndarray:
         """Deformation gradient F (triangle, 2, 2)."""
         return np.matmul(nodes[self.triangles].transpose(0, 2, 1), self.gradient)
 
-    def is_valid(self, nodes: np.ndarray) -> bool:
+    def is_valid(self, nodes: ndarray) -> bool:
         """True where no triangle is flat or turned over."""
         return bool((_determinant(self.deformation(nodes)) > 0).all())
 
-    def energy(self, nodes: np.ndarray) -> float:
+    def energy(self, nodes: ndarray) -> float:
         """Sum of ½(|F|² + |F⁻¹|²); infinite where a triangle is turned over."""
         deformation = self.deformation(nodes)
         det = _determinant(deformation)
@@ -76,9 +77,7 @@ class Morph:
         square = (deformation**2).sum((1, 2))
         return float((0.5 * square * (1 + 1 / det**2)).sum())
 
-    def derivatives(
-        self, nodes: np.ndarray, exact: bool = False
-    ) -> tuple[np.ndarray, sp.csc_matrix]:
+    def derivatives(self, nodes: ndarray, exact: bool = False) -> tuple[ndarray, sp.csc_matrix]:
         """Gradient (2·node,) and Hessian of the energy, `exact` or made positive semi-definite."""
         u, s, v = _svd(self.deformation(nodes))
         s1, s2 = s[:, 0], s[:, 1]
@@ -105,7 +104,7 @@ class Morph:
         entries = np.bincount(self._place, local.ravel())
         return gradient, sp.csc_matrix((entries, self._rows, self._start), [self.size] * 2)
 
-    def _solve(self, hessian: sp.csc_matrix, right: np.ndarray) -> np.ndarray:
+    def _solve(self, hessian: sp.csc_matrix, right: ndarray) -> ndarray:
         """Free coordinates x of H x = right, the prescribed ones being 0."""
         entries = hessian.data[self._of_free], self._free_rows, self._free_start
         symmetric = {"SymmetricMode": True}
@@ -116,7 +115,7 @@ class Morph:
             diag_pivot_thresh=0.0,
         ).solve(right)
 
-    def relax(self, nodes: np.ndarray) -> np.ndarray:
+    def relax(self, nodes: ndarray) -> ndarray:
         """Nodes of least energy with the fixed coordinates as in `nodes`, which must be valid."""
         nodes, exact = nodes.copy(), True
         energy = self.energy(nodes)
@@ -140,8 +139,8 @@ class Morph:
         return nodes
 
     def follow(
-        self, nodes: np.ndarray, boundary: Callable[[float], np.ndarray], start: float, goal: float
-    ) -> np.ndarray:
+        self, nodes: ndarray, boundary: Callable[[float], ndarray], start: float, goal: float
+    ) -> ndarray:
         """Carry a relaxed mesh from boundary(start) to boundary(goal), in steps that keep it valid.
 
         The fixed coordinates of `boundary(q)`, (node, 2), are used. Raises MorphError.
@@ -158,7 +157,7 @@ class Morph:
             nodes, at = self.relax(trial), at + step
         return nodes
 
-    def _predict(self, nodes: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    def _predict(self, nodes: ndarray, target: ndarray) -> ndarray | None:
         """The linear response of the relaxed mesh to moved boundaries; None where it inverts."""
         _, hessian = self.derivatives(nodes, exact=True)
         free, move = self.free, (target - nodes).ravel()
@@ -169,11 +168,11 @@ class Morph:
         return trial if shrink.min() > 0.1 else None
 
 
-def _determinant(f: np.ndarray) -> np.ndarray:
+def _determinant(f: ndarray) -> ndarray:
     return f[:, 0, 0] * f[:, 1, 1] - f[:, 0, 1] * f[:, 1, 0]
 
 
-def _svd(f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _svd(f: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """SVD of 2x2 matrices with det F > 0: F = U diag(s) V^T, rotations, s1 >= s2 > 0."""
     a, b, c, d = f.reshape(-1, 4).T
     e, h, g, k = 0.5 * (a + d), 0.5 * (c - b), 0.5 * (a - d), 0.5 * (c + b)
@@ -181,7 +180,7 @@ def _svd(f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     a1, a2 = np.arctan2(k, g), np.arctan2(h, e)
     left, right = 0.5 * (a2 + a1), 0.5 * (a2 - a1)
 
-    def rotation(angle: np.ndarray) -> np.ndarray:
+    def rotation(angle: ndarray) -> ndarray:
         c, s = np.cos(angle), np.sin(angle)
         return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from numpy import ndarray
 from scipy.spatial import KDTree
 
 from pipeline.geometry.planform import Planform
@@ -23,12 +24,12 @@ from pipeline.scene.sections import Mesh
 
 
 def build_planform(
-    outline: np.ndarray,
-    tip: np.ndarray,
+    outline: ndarray,
+    tip: ndarray,
     half_width: float,
     depth: float,
     mesh: Mesh,
-    path: np.ndarray,
+    path: ndarray,
     mirror: bool = False,
     bodies: tuple[FixedBody, ...] = (),
 ) -> Planform:
@@ -41,9 +42,9 @@ def build_planform(
     box = (-half_width, 0.0 if mirror else half_width, depth)
     tank = shapely.box(box[0], 0.0, box[1], depth).exterior
     others = _distance_to([tank, *(shapely.LinearRing(np.vstack(b.pieces)) for b in bodies)])
-    own = own_clearance(outline)
+    own = _own_clearance(outline)
 
-    def clearance(points: np.ndarray) -> np.ndarray:
+    def clearance(points: ndarray) -> ndarray:
         return np.minimum(others(points), own(points))
 
     ring = shapely.LinearRing(outline)
@@ -89,12 +90,12 @@ def build_planform(
     return Planform(nodes, triangles, quads, body, rows[0], material, mesh_2d.outer, fixed, corners)
 
 
-def _within(body: FixedBody, nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def _within(body: FixedBody, nodes: ndarray, cells: ndarray) -> ndarray:
     """Whether cells (n, corner) lie in a body's footprint (n,)."""
     return np.asarray(shapely.contains_xy(body.polygon, *nodes[cells].mean(1).T))
 
 
-def own_clearance(outline: np.ndarray) -> Clearance:
+def _own_clearance(outline: ndarray) -> Clearance:
     """Radius (m) of the largest circle that touches a closed outline from outside at points (n, 2).
 
     Between two walls that is half of their distance. It grows by no more than the way along the
@@ -112,7 +113,7 @@ def own_clearance(outline: np.ndarray) -> Clearance:
     radius = (radius[None] + np.minimum(way, sides.sum() - way)).min(1)
     tree = KDTree(outline)
 
-    def clearance(points: np.ndarray) -> np.ndarray:
+    def clearance(points: ndarray) -> ndarray:
         distance, nearest = tree.query(points)
         return np.asarray(radius[nearest] + distance)
 
@@ -126,12 +127,10 @@ def _distance_to(things: list[shapely.Geometry]) -> Clearance:
     return lambda points: shapely.distance(together, shapely.points(points))
 
 
-def _body_lines(
-    bodies: tuple[FixedBody, ...], to_finger: Clearance, mesh: Mesh
-) -> list[np.ndarray]:
+def _body_lines(bodies: tuple[FixedBody, ...], to_finger: Clearance, mesh: Mesh) -> list[ndarray]:
     """Nodes (node, 2) along the outline of each body; a closed one ends where it starts."""
 
-    def size(points: np.ndarray) -> np.ndarray:
+    def size(points: ndarray) -> ndarray:
         return np.clip(GAP_CELL * to_finger(points), None, mesh.wall_cell)
 
     lines = []
@@ -170,7 +169,7 @@ def mirrored(planform: Planform, mirrored_finger: int) -> Planform:
     )
 
 
-def mirrored_shapes(shapes: np.ndarray, planform: Planform) -> np.ndarray:
+def mirrored_shapes(shapes: ndarray, planform: Planform) -> ndarray:
     """Shapes (…, node, 2) of a planform and its image, as `mirrored` orders nodes."""
     off = planform.nodes[:, 0] != 0
     return np.concatenate([shapes, shapes[..., off, :] * np.array([-1.0, 1.0])], axis=-2)

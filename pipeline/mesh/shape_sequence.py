@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from pipeline.geometry.planform import Planform
@@ -20,12 +21,12 @@ _BETWEEN = 3  # shapes to each interval between knots, as the motion runs throug
 class ShapeSequence:
     """Shapes of the finger over the shape parameter (Pa)."""
 
-    parameter: np.ndarray
-    outline: np.ndarray  # (knot, point, 2)
-    tip: np.ndarray  # (knot, 2), or several: (knot, edge, 2)
-    bend: np.ndarray  # (knot,) rad
+    parameter: ndarray
+    outline: ndarray  # (knot, point, 2)
+    tip: ndarray  # (knot, 2), or several: (knot, edge, 2)
+    bend: ndarray  # (knot,) rad
 
-    def at(self, parameter: np.ndarray) -> ShapeSequence:
+    def at(self, parameter: ndarray) -> ShapeSequence:
         """The shapes at other parameters, by cubic splines."""
         values = (self.outline, self.tip, self.bend)
         return ShapeSequence(
@@ -46,7 +47,7 @@ class ShapeSequence:
         return self.at(np.concatenate([[low], inner, [high]]))
 
 
-def between(shapes: ShapeSequence, frames: np.ndarray) -> tuple[ShapeSequence, np.ndarray]:
+def between(shapes: ShapeSequence, frames: ndarray) -> tuple[ShapeSequence, ndarray]:
     """The shapes as the motion runs through them, by the same cubic spline."""
     index = np.arange(len(shapes.parameter), dtype=float)
     fine = np.linspace(0, index[-1], _BETWEEN * (len(index) - 1) + 1)
@@ -58,8 +59,8 @@ def morph_shapes(
     planform: Planform,
     shapes: ShapeSequence,
     built: int,
-    accept: Callable[[int, np.ndarray], None] = lambda knot, nodes: None,
-) -> np.ndarray:
+    accept: Callable[[int, ndarray], None] = lambda knot, nodes: None,
+) -> ndarray:
     """Node positions (knot, node, 2) of a planform built at knot `built`.
 
     `accept(knot, nodes)` is called with each shape, outwards from `built`. Raises MorphError.
@@ -68,7 +69,7 @@ def morph_shapes(
     morph = Morph(planform.nodes, triangles, planform.fixed)
     count = len(shapes.parameter)
 
-    def boundary(knot: float) -> np.ndarray:
+    def boundary(knot: float) -> ndarray:
         low = min(int(knot), count - 2)
         part = knot - low
         outline = shapes.outline[low] * (1 - part) + shapes.outline[low + 1] * part

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.errors import StageError
@@ -42,16 +43,16 @@ class _Setting:
     """What all planforms of a scene share."""
 
     shapes: ShapeSequence
-    deformation: np.ndarray  # of each shape: `cumulative_deformation`
-    path: np.ndarray  # points (n, 2) near which cells stay small
+    deformation: ndarray  # of each shape: `cumulative_deformation`
+    path: ndarray  # points (n, 2) near which cells stay small
     bodies: tuple[FixedBody, ...]
-    motion: np.ndarray  # shape parameter after each time step, Pa
+    motion: ndarray  # shape parameter after each time step, Pa
     half_width: float  # of the tank, m
     depth: float  # of the water, m
     mirror: bool  # whether the planform ends at the plane between two fingers
 
     @property
-    def deformation_of_steps(self) -> np.ndarray:
+    def deformation_of_steps(self) -> ndarray:
         """Deformation (step + 1,) of the shape after each time step."""
         return np.interp(self.motion, self.shapes.parameter, self.deformation)
 
@@ -63,7 +64,7 @@ class _MorphedPlanform:
     part: Part
     planform: Planform
     shapes: ShapeSequence
-    frames: np.ndarray
+    frames: ndarray
 
 
 def _setting_of(
@@ -98,7 +99,7 @@ def _setting_of(
 
 
 def _check_clearance(
-    outlines: np.ndarray, bodies: tuple[FixedBody, ...], least: float, where: Path
+    outlines: ndarray, bodies: tuple[FixedBody, ...], least: float, where: Path
 ) -> None:
     """StageError where a shape (knot, point, 2) is nearer to the support than `least` (m)."""
     rings = shapely.linearrings(outlines)
@@ -119,16 +120,23 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
     low, high, middle = np.interp(ends, setting.deformation, shapes.parameter)
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
-    tank = setting.half_width, setting.depth
-    around = setting.path, setting.mirror, setting.bodies
-    planform = build_planform(shapes.outline[built], shapes.tip[built], *tank, mesh, *around)
+    planform = build_planform(
+        shapes.outline[built],
+        shapes.tip[built],
+        setting.half_width,
+        setting.depth,
+        mesh,
+        setting.path,
+        setting.mirror,
+        setting.bodies,
+    )
     share = np.zeros(len(shapes.parameter))  # of the time, by the nearest knot
     for first, end in part.intervals:
         nearest = np.abs(setting.motion[first:end, None] - shapes.parameter).argmin(1)
         share += np.bincount(nearest, minlength=len(share)) / len(setting.motion)
     unusual = 0.0
 
-    def accept(knot: int, nodes: np.ndarray) -> None:
+    def accept(knot: int, nodes: ndarray) -> None:
         nonlocal unusual
         bar.update()
         quality = shape_quality(planform, nodes)
@@ -189,7 +197,7 @@ def _choose_meshes(
 
 
 def _quality_rows(
-    meshes: list[_MorphedPlanform], parameter: np.ndarray, overlap: int, mesh: Mesh
+    meshes: list[_MorphedPlanform], parameter: ndarray, overlap: int, mesh: Mesh
 ) -> list[tuple]:
     """Rows of MESH_QUALITY: each shape that an interval or its overlap takes.
 
@@ -273,7 +281,7 @@ def _mesh_values(
     bodies: tuple[FixedBody, ...],
     width: float,
     both_fingers: bool,
-    levels: np.ndarray,
+    levels: ndarray,
 ) -> dict[str, Any]:
     """Variables and attributes of a mesh in planform.h5; `width` (m) is the finger's."""
     planform, frames = mesh.planform, mesh.frames

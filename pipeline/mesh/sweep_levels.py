@@ -6,6 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.scene.pinch import Support
 from pipeline.scene.sections import Mesh
@@ -13,7 +14,7 @@ from pipeline.scene.sections import Mesh
 
 def graded_layers(
     kind: str, finger_width: float, tank_width: float, mesh: Mesh, support: Support | None
-) -> np.ndarray:
+) -> ndarray:
     """z of the levels (m), from the back wall to the sheet, or to the front wall in a full model.
 
     The sides of finger and support are levels.
@@ -25,7 +26,7 @@ def graded_layers(
     slope = np.log(mesh.layer_growth)
     first = mesh.edge_layer * slope / (mesh.layer_growth - 1)
 
-    def thickness(z: np.ndarray) -> np.ndarray:
+    def thickness(z: ndarray) -> ndarray:
         wanted = first + slope * np.abs(z - edge)
         return np.where(z < edge, np.minimum(wanted, mesh.sheet_layer), wanted)
 
@@ -37,7 +38,7 @@ def graded_layers(
     return back if kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])
 
 
-def divided(start: float, end: float, thickness: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def divided(start: float, end: float, thickness: Callable[[ndarray], ndarray]) -> ndarray:
     """Ends (n,) of the fewest intervals from start to end, none longer than `thickness` there."""
     fine = np.linspace(start, end, 4001)
     steps = np.diff(fine) / thickness(0.5 * (fine[1:] + fine[:-1]))

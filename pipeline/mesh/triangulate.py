@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import gmsh
 import numpy as np
+from numpy import ndarray
 
 from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
@@ -30,22 +31,22 @@ _OPTIONS = {
 class Triangles:
     """Nodes (node, 2) m, first the rim's, then the wall's; triangles, and quads of the water."""
 
-    nodes: np.ndarray
-    triangles: np.ndarray
-    quads: np.ndarray
-    inside: np.ndarray  # (triangle,) 1 within the wall
-    outer: np.ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
-    on_bodies: np.ndarray  # nodes of the outlines of bodies
+    nodes: ndarray
+    triangles: ndarray
+    quads: ndarray
+    inside: ndarray  # (triangle,) 1 within the wall
+    outer: ndarray  # nodes of the tank's outline, counter-clockwise from the lower left
+    on_bodies: ndarray  # nodes of the outlines of bodies
 
 
 def triangulate(
-    wall: np.ndarray,
-    rim: np.ndarray,
+    wall: ndarray,
+    rim: ndarray,
     box: tuple[float, float, float],
     mesh: Mesh,
-    path: np.ndarray,
-    bodies: list[np.ndarray],
-    gaps: tuple[np.ndarray, np.ndarray],
+    path: ndarray,
+    bodies: list[ndarray],
+    gaps: tuple[ndarray, ndarray],
 ) -> Triangles:
     """Mesh a tank `box` (left, right, depth) around the polygon rim and within the polygon wall.
 
@@ -79,13 +80,13 @@ def triangulate(
         gmsh.finalize()
 
 
-def _polygon(points: np.ndarray) -> list[int]:
+def _polygon(points: ndarray) -> list[int]:
     tags = [gmsh.model.geo.addPoint(x, y, 0) for x, y in points]
     return [gmsh.model.geo.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
 
 
 def _outer_lines(
-    box: tuple[float, float, float], bodies: list[np.ndarray]
+    box: tuple[float, float, float], bodies: list[ndarray]
 ) -> tuple[list[int], list[int]]:
     """Lines of the tank, split where bodies end on its right side, and of the bodies."""
     left, right, depth = box
@@ -142,7 +143,7 @@ def _collect(
     )
 
 
-def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def _cells(surface: int, position: dict[int, int]) -> tuple[ndarray, ndarray]:
     """Triangles (n, 3) and quadrilaterals (n, 4) of a surface; `position` of gmsh's node tags."""
     kinds, _, members = gmsh.model.mesh.getElements(2, surface)
     elements = {
@@ -157,21 +158,21 @@ def _cells(surface: int, position: dict[int, int]) -> tuple[np.ndarray, np.ndarr
     return elements.get(2, empty).reshape(-1, 3), elements.get(3, empty).reshape(-1, 4)
 
 
-def _turned(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def _turned(nodes: ndarray, cells: ndarray) -> ndarray:
     """Cells (n, corner) with all corners counter-clockwise."""
     x, y = (nodes[cells, axis] for axis in (0, 1))
     area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(1)
     return np.where(area[:, None] < 0, cells[:, ::-1], cells)
 
 
-def _split_bad_quads(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split_bad_quads(nodes: ndarray, quads: ndarray) -> tuple[ndarray, ndarray]:
     """Counter-clockwise quads whose corners have a sine of _LEAST_SINE; halves of the others."""
     area, ahead, behind = _corners(nodes, quads)
     bad = (area / (ahead * behind)).min(axis=1, initial=1.0) < _LEAST_SINE
     return quads[~bad], halves(nodes, quads[bad])
 
 
-def halves(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
+def halves(nodes: ndarray, quads: ndarray) -> ndarray:
     """Triangles (2 n, 3) of quads (n, 4), split so that the smaller half is large."""
     area, _, _ = _corners(nodes, quads)
     # the halves of diagonal 0-2 are the triangles at corners 1 and 3
@@ -180,7 +181,7 @@ def halves(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
     return np.vstack([q[:, [0, 1, 2]], q[:, [2, 3, 0]]])
 
 
-def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _corners(nodes: ndarray, quads: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     """At each corner (n, 4): twice the area spanned by its two edges, and their lengths."""
     corner = nodes[quads]
     ahead, behind = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
@@ -189,7 +190,7 @@ def _corners(nodes: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _size_field(
-    walls: list[int], track: list[int], narrow: list[int], size: np.ndarray, mesh: Mesh
+    walls: list[int], track: list[int], narrow: list[int], size: ndarray, mesh: Mesh
 ) -> None:
     """Cell size growing from the walls and the tip's path; `size` at points `narrow`."""
     fields = gmsh.model.mesh.field

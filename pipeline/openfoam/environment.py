@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from fileio.atomic import check_room, naming
+from fileio.atomic import check_room, name_in_errors
 from fileio.errors import StageError
 
 INSTALL = "apt-get install openfoam"
@@ -123,7 +123,7 @@ def run_tool(arguments: list[str], case: Path, log: str) -> None:
     StageError with its last lines on failure; OSError where the disk is full.
     """
     path = case / log
-    with naming(path), open(path, "w", encoding="utf-8") as output:
+    with name_in_errors(path), open(path, "w", encoding="utf-8") as output:
         done = subprocess.run(
             arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
         )

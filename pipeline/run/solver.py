@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from fileio.atomic import check_room, naming, settle, write_text
+from fileio.atomic import check_room, name_in_errors, sync_file, write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
 from fileio.json_text import read_json
@@ -196,7 +196,7 @@ def solve(
 
     # line by line: a kill leaves whole lines in the log
     with (
-        naming(log),
+        name_in_errors(log),
         open(log, "a" if checkpoint else "w", buffering=1, encoding="utf-8") as output,
     ):
         output.write("\n")  # the run before may have ended within a line
@@ -253,7 +253,7 @@ def solve(
         raise stopped(cause)
     for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
         # a power cut must not shorten these files once the interval has ended
-        settle(table)
+        sync_file(table)
     return record, note(ended=True)
 
 

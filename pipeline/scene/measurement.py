@@ -61,11 +61,15 @@ class Camera(Section):
     seed: Annotated[Whole, Field(ge=0, lt=2**32)] = 2017
     """Of the particles and the noise"""
 
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel in the sheet, m."""
+        return self.scale_mm_per_px * 1e-3
+
     def origin_px(self) -> Pair:
         """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
-        scale = self.scale_mm_per_px * 1e-3
         middle = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
-        return middle[0] - self.centre[0] / scale, middle[1] - self.centre[1] / scale
+        return middle[0] - self.centre[0] / self.pixel, middle[1] - self.centre[1] / self.pixel
 
 
 class Piv(Section):
@@ -107,7 +111,7 @@ def render_settings(camera: Camera, sheet: Sheet) -> dict[str, Any]:
     return {
         "width_px": camera.columns,
         "height_px": camera.rows,
-        "scale_m_per_px": camera.scale_mm_per_px * 1e-3,
+        "scale_mm_per_px": camera.scale_mm_per_px,
         "origin_px": list(camera.origin_px()),
         "frame_rate_hz": camera.frame_rate_hz or sheet.rate_hz,
         "pairs_every": camera.pairs_every,

@@ -57,8 +57,7 @@ def checkpoints(scene: Any) -> float:
 
 def view_size(camera: Any) -> tuple[float, float]:
     """Width and height of the camera's picture, m."""
-    scale = camera.scale_mm_per_px * 1e-3
-    return camera.columns * scale, camera.rows * scale
+    return camera.columns * camera.pixel, camera.rows * camera.pixel
 
 
 def sheet_points(scene: Any) -> float:

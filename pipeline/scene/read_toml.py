@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fileio.errors import StageError, meant
+from fileio.errors import StageError, suggestion
 from fileio.json_text import flat
 from fileio.toml_text import read_toml
 
@@ -66,9 +66,9 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     if base.resolve() in chain:
         raise StageError(f"{path}: extends: {parent} extends this scene in turn; break the circle")
     if not base.is_file():
-        beside = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
+        near = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
         raise StageError(
-            f"{path}: extends = {parent!r}: no scene is there{meant(base.parent.name, beside)};"
+            f"{path}: extends = {parent!r}: no scene is there{suggestion(base.parent.name, near)};"
             " give its folder"
         )
     inherited = read_layers(base, chain)
@@ -111,7 +111,7 @@ def _level_chain(layers: list[Layer], level: str) -> list[str]:
     if level not in levels:
         known = ", ".join(sorted(levels)) or "missing"
         raise StageError(
-            f"{path}: no level {level!r}{meant(level, levels)}; the levels are {known}"
+            f"{path}: no level {level!r}{suggestion(level, levels)}; the levels are {known}"
         )
     names = [level]
     while (parent := levels[names[0]].get("extends")) is not None:

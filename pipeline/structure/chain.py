@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import BendingLaw, FloatArray, States
+from pipeline.kinematics.shapes import arc_length, node_angle, profile_splines
 
 ComplexArray = NDArray[np.complex128]
 _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
 
 
 @dataclass(frozen=True)
-class Unloaded:
+class _Unloaded:
     """The chain without load (time, slice), each slice's content from its own joint."""
 
     root: ComplexArray  # (time): place of the first joint
@@ -53,19 +54,13 @@ class Chain:
 
     def __init__(self, states: States, law: BendingLaw, width: float) -> None:
         self.pressure, self.law, self.width = states.pressure, law, width
-        piece = np.diff(states.profile, axis=1)
-        angle = np.unwrap(np.arctan2(piece[..., 1], piece[..., 0]), axis=1)
-        angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
-        length = np.hypot(piece[..., 0], piece[..., 1])
-        tables = (
-            angle, length, states.thickness, law.neutral_axis, law.air_height, law.air_section,
-        )  # fmt: skip
-        (
-            self._angle, self._length, self.thickness, self._axis, self._air_height,
-            self.air_section,
-        ) = (CubicSpline(states.pressure, table) for table in tables)  # fmt: skip
+        self._angle, self._length, self.thickness = profile_splines(states)
+        tables = law.neutral_axis, law.air_height, law.air_section
+        self._axis, self._air_height, self.air_section = (
+            CubicSpline(states.pressure, table) for table in tables
+        )
         rest = int(np.argmin(np.abs(states.pressure)))
-        self.arc = np.concatenate([[0.0], np.cumsum(np.hypot(*piece[rest].T))])
+        self.arc = arc_length(states.profile[rest])
         last = len(self.arc) - 1
         first = int(np.searchsorted(self.arc, law.clamped_length * (1 - 1e-6)))
         count = max(1, round((last - first) / _PIECES))
@@ -93,11 +88,9 @@ class Chain:
         angle, length = self._angle(pressure), self._length(pressure)
         steps = np.cumsum(length * np.exp(1j * angle), axis=-1)
         points = np.concatenate([np.zeros((*steps.shape[:-1], 1)), steps], axis=-1)
-        ends = 1.5 * angle[..., [0, -1]] - 0.5 * angle[..., [1, -2]]
-        inner = 0.5 * (angle[..., 1:] + angle[..., :-1])
-        return points, np.concatenate([ends[..., :1], inner, ends[..., 1:]], axis=-1)
+        return points, node_angle(angle)
 
-    def unloaded(self, pressure: FloatArray) -> Unloaded:
+    def unloaded(self, pressure: FloatArray) -> _Unloaded:
         """The chain at pressures (time,) Pa."""
         points, angle = self._profile(pressure)
         dorsal = -1j * np.exp(1j * angle)
@@ -113,7 +106,7 @@ class Chain:
             return mean(points + height * dorsal) - joints[:, :-1]
 
         heading = mean(np.exp(1j * angle))
-        return Unloaded(
+        return _Unloaded(
             root=joints[:, 0],
             link=np.diff(joints, axis=1),
             heading=heading / np.abs(heading),
@@ -148,7 +141,7 @@ class Chain:
         return np.stack([line.real, line.imag], axis=-1)
 
 
-def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
+def placed(unloaded: _Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
     """The chain at one or several times `at`, its slices turned by `delta` (…, slice) rad."""
     turn = np.exp(1j * delta)
     steps = np.cumsum(unloaded.link[at] * turn, axis=-1)

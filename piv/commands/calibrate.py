@@ -91,12 +91,12 @@ def run(args: argparse.Namespace) -> None:
         if args.distance_mm is None:
             raise ValueError("--points needs --distance-mm")
         x1, y1, x2, y2 = args.points
-        calibration = from_points((x1, y1), (x2, y2), args.distance_mm * 1e-3, tuple(args.origin))
+        calibration = from_points((x1, y1), (x2, y2), args.distance_mm, tuple(args.origin))
     else:
-        calibration = Calibration(args.scale_mm_per_px * 1e-3, *args.origin)
+        calibration = Calibration(args.scale_mm_per_px, *args.origin)
     save_calibration(calibration, args.output)
     if not args.quiet:
-        print(f"{args.output}: {calibration.scale_m_per_px * 1e3:.6g} mm/px")
+        print(f"{args.output}: {calibration.scale_mm_per_px:.6g} mm/px")
         if calibration.lens is not None:
             lens = calibration.lens
             print(f"reprojection error {lens.reprojection_rms_px:.3f} px over {lens.views} views")

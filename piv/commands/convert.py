@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
-    scale = args.scale_mm_per_px * 1e-3 if args.scale_mm_per_px is not None else None
+    scale = args.scale_mm_per_px
     shift = np.zeros(2)
     if args.calibration is not None:
         if scale is not None:
@@ -74,8 +74,8 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError(
                 f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors"
             )
-        scale = calibration.scale_m_per_px
-        shift = calibration.origin_px * scale
+        scale = calibration.scale_mm_per_px
+        shift = calibration.origin_px * calibration.pixel
     plane = read_vectors(
         args.input,
         kind=args.kind,
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> None:
         length_unit=args.length_unit,
         velocity_unit=args.velocity_unit,
         y_axis=args.y_axis,
-        scale_m_per_px=scale,
+        scale_mm_per_px=scale,
         interval_s=args.interval,
         image_rows=args.image_rows,
     )

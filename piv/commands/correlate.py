@@ -122,16 +122,12 @@ def make(
                 file=sys.stderr,
                 flush=True,
             )
-        for name in ("origin_x_px", "origin_y_px"):
-            if (value := getattr(camera, name)) is not None:
-                recording.attrs[name] = float(value)
-        if camera.scale_mm_per_px is not None:
-            if recording.times is None:
-                raise ValueError(
-                    f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; "
-                    "give frame_rate_hz too"
-                )
-            recording.attrs["scale_m_per_px"] = camera.scale_mm_per_px * 1e-3
+        if camera.scale_mm_per_px is not None and recording.times is None:
+            raise ValueError(
+                f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; "
+                "give frame_rate_hz too"
+            )
+        recording.attrs |= {k: float(v) for k, v in vars(camera).items() if v is not None}
         part = part_of_recording(
             recording,
             settings.get("mask"),

@@ -12,6 +12,7 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.atomic import write_bytes
+from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_netcdf
 from piv.images.masks import dark_body, outline_masks, polygons_mask, read_mask
 from piv.images.open_recording import Recording, open_recording
@@ -67,7 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Write the masks."""
-    for name, least in (("smooth", 1.0), ("min_area", 0.0), ("grow", 0), ("threshold", 0.0)):
+    leasts = {"smooth": 1.0, "min_area": 0.0, "grow": 0, "threshold": 0.0, "scale_mm_per_px": 1e-9}
+    for name, least in leasts.items():
         value = getattr(args, name)
         if value is not None and not value >= least:
             raise ValueError(
@@ -121,22 +123,17 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], nd
     if args.outline is None:
         still = read_mask(args.polygon or args.image, recording.shape)
         return lambda i: still
-    scale = (
-        args.scale_mm_per_px * 1e-3
-        if args.scale_mm_per_px
-        else recording.attrs.get("scale_m_per_px")
-    )
+    scale = args.scale_mm_per_px
+    pixel = scale * 1e-3 if scale else pixel_of(recording.attrs)
     origin = args.origin or [recording.attrs.get(f"origin_{k}_px") for k in "xy"]
-    if scale is None or None in origin:
+    if pixel is None or None in origin:
         raise ValueError(
             f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin"
         )
     if recording.times is None:
         raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate-hz")
     with open_netcdf(args.outline) as series:
-        bodies = outline_masks(
-            series, recording.times, recording.shape, scale, (origin[0], origin[1])
-        )
+        bodies = outline_masks(series, recording.times, pixel, (origin[0], origin[1]))
     return lambda i: polygons_mask(bodies[i], recording.shape)
 
 

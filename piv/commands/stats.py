@@ -83,7 +83,7 @@ def _check_partners(args: argparse.Namespace) -> None:
 def _groups_of(
     args: argparse.Namespace, series: xr.Dataset
 ) -> tuple[ndarray | None, ndarray | None, str]:
-    """Group of each instant, the groups' centres and their unit, as asked for."""
+    """Group of each instant, the groups' centres and their unit."""
     times = series["time"].values
     if args.by is not None:
         if args.bins is None:

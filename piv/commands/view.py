@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> None:
     from piv.view.page import serve
 
     scene = open_scene(args.file, args.images, args.frame_rate_hz)
-    scene.extent()  # what is not known of the scale is said here, not on the page
+    scene.extent()  # raises where the scale is unknown, before the page opens
 
     def ready(address: str) -> None:
         if not args.quiet:

@@ -47,9 +47,8 @@ AREAS = (
 CERTAIN = 3.0  # standard errors
 # noise of neighbouring cells over that of `noise_budget`, as measured in uniform flow (±0.05)
 LEFT = 1.09
-UNRESOLVED = (
-    0.6  # of the variance that the largest window does not resolve, where nodes are denser only
-)
+# of the variance that the largest window does not resolve, where nodes are denser only
+UNRESOLVED = 0.6
 # on the variance of windows of `side` over the largest: 70 % of the errors are then covered
 SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells

@@ -129,15 +129,17 @@ def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tu
     k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
     axes, keep = [], []
     for length in (shape[1], shape[0]):
-        asked = grid(length, options.spacing)
+        requested = grid(length, options.spacing)
         if k > 1:
             step = options.spacing / k
-            before = int((asked[0] + 0.5) // step)
-            count = before + (asked.size - 1) * k + 1 + int((length - 0.5 - asked[-1]) // step)
-            axes.append(asked[0] + step * (np.arange(count) - before))
-            keep.append(slice(before, before + (asked.size - 1) * k + 1, k))
+            before = int((requested[0] + 0.5) // step)
+            count = (
+                before + (requested.size - 1) * k + 1 + int((length - 0.5 - requested[-1]) // step)
+            )
+            axes.append(requested[0] + step * (np.arange(count) - before))
+            keep.append(slice(before, before + (requested.size - 1) * k + 1, k))
         else:
-            axes.append(asked)
+            axes.append(requested)
             keep.append(slice(None))
     x, y = axes
     return Nodes(x, y, (shape[0] // 2, shape[1] // 2), 2), Nodes(x, y, shape, 1), (keep[1], keep[0])

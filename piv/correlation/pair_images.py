@@ -57,7 +57,7 @@ def check_masks(mask: Any, count: int, shape: tuple[int, int]) -> list[ndarray |
     return out
 
 
-def flat_areas(image: ndarray) -> ndarray | None:
+def _flat_areas(image: ndarray) -> ndarray | None:
     """Pixels (bool) in rectangles of FLAT of one grey level, painted over or padded, or None."""
     apart = 8
     samples = np.ascontiguousarray(image[::apart, ::apart])
@@ -88,7 +88,7 @@ class Prepared:
         self.seen = [None if m is None else ~m for m in masks]
         pixels, levels = [], []
         for k, image in enumerate(arrays):
-            if (flat := flat_areas(image)) is not None:
+            if (flat := _flat_areas(image)) is not None:
                 self.seen[k] = ~flat if self.seen[k] is None else self.seen[k] & ~flat
             grey = new(*self.shape)
             grey[...] = image

@@ -14,7 +14,7 @@ from piv.compiled import compiled, fast
 from piv.correlation.interpolate import LANES, PAD, row_sample, run_end, snapped, spline_row, taps
 from piv.correlation.newton_step import BLOCK, CELL, MOMENTS, cell_row
 
-ROWS = 8  # held of the warped images: those of a row of cells and two on either side
+ROWS = 8  # kept of the warped images: those of a row of cells and two on either side
 SHORT = 6  # px: of shorter runs each pixel is sampled by itself, as a run costs as much as so many
 MARGIN = PAD - 3  # px: farther outside the image no sample is taken
 
@@ -194,7 +194,7 @@ def pair_moments(
     for i in range(columns):
         reach_x[i] = min(i, columns - 1 - i) + MARGIN
     sums = np.empty(MOMENTS * BLOCK, float32)
-    held = np.empty(ROWS, np.int64)
+    at = np.empty(ROWS, np.int64)
     w = np.empty(4, float32)
     knot, done = first_y[0], 0
     runs = np.empty((out.shape[2] // 2 + 1, 2), np.int64)
@@ -227,7 +227,7 @@ def pair_moments(
                 )  # fmt: skip
             done = r + 1
         for k in range(ROWS):
-            held[k] = (CELL * j - 2 + k) % ROWS
+            at[k] = (CELL * j - 2 + k) % ROWS
         for run in range(_runs(wanted[j], runs)):
             cell_row(
                 warped_a,
@@ -236,7 +236,7 @@ def pair_moments(
                 j,
                 runs[run, 0],
                 runs[run, 1],
-                held,
+                at,
                 rows,
                 columns,
                 sums,

@@ -42,9 +42,8 @@ class Displacements:
     visible: ndarray  # share of the window's weight that could be used
     # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
     cell_noise: float = 1.15
-    ratio: ndarray | None = (
-        None  # side of the window over the largest (piv.correlation.adaptive_windows)
-    )
+    # side of the window over the largest (piv.correlation.adaptive_windows)
+    ratio: ndarray | None = None
     steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions
 
     TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")

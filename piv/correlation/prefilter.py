@@ -181,9 +181,8 @@ def cell_noise(spectra: tuple, response: ndarray, cell: int) -> float:
     (s, s1, s2), (n, n1, n2) = (
         [np.fft.irfft2(p * along**m, s=(TILE, TILE)) for m in range(3)] for p in parts
     )
-    gradient = (
-        2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2
-    )  # its autocorrelation, but for a factor
+    # its autocorrelation, but for a factor
+    gradient = 2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2
     window = np.abs(np.fft.fft(np.ones(cell), TILE)) ** 2
     lags = np.fft.ifft2(np.fft.fft2(gradient) * np.outer(window, window)).real[::cell, ::cell]
     return float((lags[0, 0] + 2 * lags[0, 1] + 2 * lags[1, 0] + 4 * lags[1, 1]) / lags[0, 0])

@@ -10,7 +10,7 @@ from fileio.formats.plane_series import BLOCK, check_vectors
 
 
 def fields_of(plane: xr.Dataset) -> list[str]:
-    """Names of what is given at every vector: variables over (y, x), or (time, y, x)."""
+    """Names of the fields: variables over (y, x), or (time, y, x)."""
     return [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
 
 

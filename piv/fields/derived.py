@@ -11,6 +11,7 @@ import xarray as xr
 from numpy import ndarray
 
 from fileio.formats.plane_series import usable
+from fileio.formats.recording import pixel_of
 from piv.fields.blocks import blocks
 from piv.vortices.criteria import (
     Gradients,
@@ -90,7 +91,7 @@ def window_of(plane: xr.Dataset) -> float:
         return 0.0
     if plane["x"].attrs.get("units") == "px":
         return window
-    return window * float(plane.attrs.get("scale_m_per_px", 0.0))
+    return window * (pixel_of(plane.attrs) or 0.0)
 
 
 def _of_instant(

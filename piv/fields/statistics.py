@@ -10,12 +10,10 @@ from fileio.formats.plane_series import make_plane, usable, vectors_of
 from piv.fields.blocks import blocks
 from piv.foreign.write import units_of
 
-SAMPLED = (
-    2500  # grid points, evenly chosen, that the correlation of samples in time is estimated from
-)
-LEAST_BATCHES = (
-    16  # the variance of their means is then known to a third at a point, and better over the field
-)
+# grid points, evenly chosen, that the correlation of samples in time is estimated from
+SAMPLED = 2500
+# the variance of their means is then known to a third at a point, and better over the field
+LEAST_BATCHES = 16
 SNAPSHOTS = 16  # of the running mean, for its convergence
 
 
@@ -142,8 +140,8 @@ def statistics(
             if g >= 0:
                 ok = good[k]
                 moments[g].add(a[k], b[k], ok)
-                for held, values in zip(batches[g], (a[k], b[k]), strict=True):
-                    held.add(np.where(ok, values, 0.0)[some], ok[some].astype(int))
+                for batch, values in zip(batches[g], (a[k], b[k]), strict=True):
+                    batch.add(np.where(ok, values, 0.0)[some], ok[some].astype(int))
                 if noisy:
                     for m, name in enumerate(("u_std", "v_std")):
                         moments[g].noise[m] += np.where(ok, part[name].values[k], 0.0) ** 2
@@ -208,9 +206,7 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
             plane[name].attrs["units"] = "1"
         elif name != "time":
             plane[name].attrs["units"] = velocity
-    plane.attrs = {
-        k: v for k, v in series.attrs.items() if k in ("source", "scale_m_per_px", "scene_hash")
-    }
+    plane.attrs = {k: v for k, v in series.attrs.items() if k in ("source", "scale_mm_per_px")}
     plane.attrs["inefficiency_u"], plane.attrs["inefficiency_v"] = (
         [float(b[k].inefficiency()) for b in batches] for k in (0, 1)
     )

@@ -62,11 +62,13 @@ def _hdf5_session(path: str) -> list[Instant]:
         )
 
 
-def _session(held: Any, get: Callable[[str, int], Any], count: int, units: str) -> list[Instant]:
+def _session(
+    variables: Any, get: Callable[[str, int], Any], count: int, units: str
+) -> list[Instant]:
     """`count` instants of the session's variables; filtered vectors where there are some."""
 
     def numbers(name: str, k: int) -> ndarray:
-        if name not in held:
+        if name not in variables:
             raise ValueError(f"no variable {name!r}")
         try:
             values = np.asarray(get(name, k))
@@ -80,7 +82,7 @@ def _session(held: Any, get: Callable[[str, int], Any], count: int, units: str) 
     for k in range(count):
         x = numbers("x", k)
         # an empty array, PIVlab's [], holds its two dimensions in HDF5
-        filtered = "u_filtered" in held and numbers("u_filtered", k).shape == x.shape
+        filtered = "u_filtered" in variables and numbers("u_filtered", k).shape == x.shape
         end = "filtered" if filtered else "original"
         session.append(((x, numbers("y", k), *(numbers(f"{n}_{end}", k) for n in VECTORS)), units))
     return session

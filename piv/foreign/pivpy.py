@@ -12,18 +12,16 @@ from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, read_plane
 from fileio.hdf5 import open_netcdf
 
-DEFAULT_UNIT = (
-    "pix"  # which pivpy writes for whatever it has read, metres among them: it states nothing
-)
+# which pivpy writes for whatever it has read, metres among them: it states nothing
+DEFAULT_UNIT = "pix"
 
 
 def _open(path: Path) -> xr.Dataset:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     with path.open("rb") as file:
-        classic = (
-            file.read(3) == b"CDF"
-        )  # netCDF-3, which pivpy writes where netCDF4 is not installed
+        # netCDF-3, which pivpy writes where netCDF4 is not installed
+        classic = file.read(3) == b"CDF"
     if not classic:
         return open_netcdf(path, "netCDF file", decode_times=False)
     try:

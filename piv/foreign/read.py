@@ -35,13 +35,13 @@ def to_plane(
     length_unit: str | None = None,
     velocity_unit: str | None = None,
     y_axis: str | None = None,
-    scale_m_per_px: float | None = None,
+    scale_mm_per_px: float | None = None,
     interval_s: float | None = None,
     image_rows: int | None = None,
 ) -> xr.Dataset:
     """A plane in m and m/s, y up, from vectors in the file's units and the stated options.
 
-    Displacements in px stay px unless `scale_m_per_px` or `interval_s` is given, then both are
+    Displacements in px stay px unless `scale_mm_per_px` or `interval_s` is given, then both are
     needed; lengths per frame need `interval_s`; px with y down need `image_rows`, the height of the
     image, because 0 is to be its bottom row. ValueError names the missing option, and refuses an
     option that contradicts the file.
@@ -53,7 +53,7 @@ def to_plane(
     direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
 
     in_px = (
-        (length, velocity) == ("px", "px/frame") and scale_m_per_px is None and interval_s is None
+        (length, velocity) == ("px", "px/frame") and scale_mm_per_px is None and interval_s is None
     )
 
     def factor(unit: str) -> float:
@@ -61,11 +61,11 @@ def to_plane(
             return 1.0
         if unit != "px":
             return LENGTHS[unit]
-        if scale_m_per_px is None or not scale_m_per_px > 0:
+        if scale_mm_per_px is None or not scale_mm_per_px > 0:
             raise ValueError(
                 f"{name}: the file is in px; give a positive --scale-mm-per-px or --calibration"
             )
-        return scale_m_per_px
+        return scale_mm_per_px * 1e-3
 
     if velocity in VELOCITIES:
         speed = VELOCITIES[velocity]
@@ -114,11 +114,13 @@ def with_units(plane: xr.Dataset, length: str, velocity: str, time: str) -> xr.D
 
 
 def _agreed(
-    name: str, option: str, stated: str | None, given: str | None, known: Sequence[str]
+    name: str, option: str, stated: str | None, option_value: str | None, known: Sequence[str]
 ) -> str:
-    if stated and given and stated != given:
-        raise ValueError(f"{name}: {option} {given} contradicts the file, which states {stated}")
-    value = stated or given
+    if stated and option_value and stated != option_value:
+        raise ValueError(
+            f"{name}: {option} {option_value} contradicts the file, which states {stated}"
+        )
+    value = stated or option_value
     if not value:
         raise ValueError(f"{name}: the file does not state it; give {option} ({', '.join(known)})")
     if value not in known:

@@ -267,9 +267,8 @@ def read_davis(path: Path) -> Vectors:
     y = (np.arange(rows) + 0.5) * buffer["grid"][1] * slope_y + offset_y
     u, v = (np.where(absent, np.nan, buffer[n]) for n in ("u", "v"))
     flag = np.where(absent, 2, 0)
-    if (
-        _spelled(unit_x) == "px"
-    ):  # DaVis counts from the edge of the first pixel, we from its centre
+    # DaVis counts from the edge of the first pixel, we from its centre
+    if _spelled(unit_x) == "px":
         x, y = x - 0.5, y - 0.5
     xx, yy = np.meshgrid(x, y)
     length, velocity = _spelled(unit_x), _spelled(buffer["i"][2])

@@ -29,12 +29,10 @@ MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for v
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
 NEWTON_STEPS = 8
-MAX_STRETCH = (
-    3.0  # in area against the board: more is the lens model running away where it saw no target
-)
-INVERSE_PX = (
-    1e-3  # where undistorting misses by more, the lens model has no inverse: such points are absent
-)
+# in area against the board: more is the lens model running away where it saw no target
+MAX_STRETCH = 3.0
+# where undistorting misses by more, the lens model has no inverse: such points are absent
+INVERSE_PX = 1e-3
 UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 
@@ -54,20 +52,25 @@ class Lens:
 class Calibration:
     """m = (px - origin) * scale, after the lens where there is one."""
 
-    scale_m_per_px: float
+    scale_mm_per_px: float
     origin_x_px: float = 0.0
     origin_y_px: float = 0.0
     lens: Lens | None = None
     notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.scale_m_per_px) and self.scale_m_per_px > 0):
-            raise ValueError(f"scale_m_per_px must be positive, got {self.scale_m_per_px}")
+        if not (np.isfinite(self.scale_mm_per_px) and self.scale_mm_per_px > 0):
+            raise ValueError(f"scale_mm_per_px must be positive, got {self.scale_mm_per_px}")
 
     def __repr__(self) -> str:
         lens = f", lens of {self.lens.reprojection_rms_px:.2g} px" if self.lens else ""
         origin = f"({self.origin_x_px:g}, {self.origin_y_px:g})"
-        return f"Calibration({self.scale_m_per_px:.6g} m/px, origin {origin} px{lens})"
+        return f"Calibration({self.scale_mm_per_px:.6g} mm/px, origin {origin} px{lens})"
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel in the sheet, m."""
+        return self.scale_mm_per_px * 1e-3
 
     @property
     def origin_px(self) -> ndarray:
@@ -79,11 +82,11 @@ class Calibration:
         points = np.asarray(points_px, float)
         if self.lens is not None:
             points = _flip(_sheet(self.lens, _flip(points, self.lens)), self.lens)
-        return (points - self.origin_px) * self.scale_m_per_px
+        return (points - self.origin_px) * self.pixel
 
     def to_px(self, points_m: ndarray) -> ndarray:
         """Positions (..., 2) in metres to px (y up); inverse of `to_m`."""
-        points = np.asarray(points_m, float) / self.scale_m_per_px + self.origin_px
+        points = np.asarray(points_m, float) / self.pixel + self.origin_px
         if self.lens is None:
             return points
         return _flip(_unsheet(self.lens, _flip(points, self.lens)), self.lens)
@@ -104,18 +107,18 @@ class Calibration:
 def from_points(
     first_px: tuple[float, float],
     second_px: tuple[float, float],
-    distance_m: float,
+    distance_mm: float,
     origin_px: tuple[float, float] = (0.0, 0.0),
 ) -> Calibration:
-    """Scale from two points in px whose distance in metres is known."""
+    """Scale from two points in px whose distance in mm is known."""
     length = float(np.hypot(second_px[0] - first_px[0], second_px[1] - first_px[1]))
-    if not length > 0 or not distance_m > 0:
+    if not length > 0 or not distance_mm > 0:
         raise ValueError(
             f"two different points and a positive distance are needed, got {length:g} px, "
-            f"{distance_m:g} m"
+            f"{distance_mm:g} mm"
         )
     return Calibration(
-        distance_m / length, *origin_px, notes={"points_px": [*first_px, *second_px]}
+        distance_mm / length, *origin_px, notes={"points_px": [*first_px, *second_px]}
     )
 
 
@@ -203,7 +206,7 @@ def load_calibration(path: str | Path) -> Calibration:
                 float(lens["reprojection_rms_px"]),
                 views,
             )
-        scale, x0, y0 = (float(whole[k]) for k in ("scale_m_per_px", "origin_x_px", "origin_y_px"))
+        scale, x0, y0 = (float(whole[k]) for k in ("scale_mm_per_px", "origin_x_px", "origin_y_px"))
         return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path}: not a calibration file ({error})") from error
@@ -226,13 +229,11 @@ def calibrate_plane(
     fields = {n: plane_px[n].transpose(*order).values for n in names if n in plane_px}
     spread = {n: fields[n] for n in ("u_std", "v_std") if n in fields}
     flag, valid = fields.get("flag"), fields["valid"].astype(bool)
-    per_second = calibration.scale_m_per_px / interval_s
+    per_second = calibration.pixel / interval_s
     more: dict[str, ndarray] = {}
     if calibration.lens is None:
         corner = calibration.to_m(np.array([x[0], y[0]]))
-        x_m, y_m = (
-            corner[k] + (c - c[0]) * calibration.scale_m_per_px for k, c in enumerate((x, y))
-        )
+        x_m, y_m = (corner[k] + (c - c[0]) * calibration.pixel for k, c in enumerate((x, y)))
         u, v = fields["u"] * per_second, fields["v"] * per_second
         more = {n: a * per_second for n, a in spread.items()}
     else:
@@ -270,7 +271,7 @@ def calibrate_plane(
 
 def _calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """What to store with results."""
-    names = ("scale_m_per_px", "origin_x_px", "origin_y_px")
+    names = ("scale_mm_per_px", "origin_x_px", "origin_y_px")
     short: dict[str, Any] = {k: getattr(calibration, k) for k in names}
     if calibration.lens is not None:
         short["reprojection_rms_px"] = calibration.lens.reprojection_rms_px
@@ -278,7 +279,7 @@ def _calibration_summary(calibration: Calibration) -> dict[str, Any]:
 
 
 def _sheet_grid(calibration: Calibration, x: ndarray, y: ndarray) -> list[ndarray]:
-    step = float(x[1] - x[0]) * calibration.scale_m_per_px
+    step = float(x[1] - x[0]) * calibration.pixel
     edge = calibration.to_m(np.stack(np.meshgrid(x, y), axis=-1))
     low, high = np.nanmin(edge.reshape(-1, 2), axis=0), np.nanmax(edge.reshape(-1, 2), axis=0)
     return [a + step * np.arange(int((b - a) / step) + 1) for a, b in zip(low, high, strict=True)]
@@ -287,8 +288,8 @@ def _sheet_grid(calibration: Calibration, x: ndarray, y: ndarray) -> list[ndarra
 def _same(calibration: Calibration, at: ndarray, x_m: ndarray, y_m: ndarray) -> ndarray:
     """Where px -> m gives the grid point back, within MAX_STRETCH of the board's scale."""
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
-    same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.scale_m_per_px
-    stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.scale_m_per_px**2
+    same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.pixel
+    stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.pixel**2
     return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
 
 

@@ -116,7 +116,7 @@ def calibrate_target(
     to_sheet, scale = _square_view(to_board, straight.mean(axis=0))
     lens = Lens((columns, rows), matrix, np.ravel(distortion), to_sheet, float(rms), len(used))
     notes = {"target": repr(target), "model": model, "corners": sum(len(p) for p in image_points)}
-    return Calibration(scale, *origin_px, lens=lens, notes=notes), used
+    return Calibration(1e3 * scale, *origin_px, lens=lens, notes=notes), used
 
 
 def _square_view(to_board: ndarray, centre: ndarray) -> tuple[ndarray, float]:

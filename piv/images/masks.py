@@ -12,9 +12,8 @@ from numpy import ndarray
 
 from piv.images.open_recording import row_to_y_px
 
-MIN_CONTRAST = (
-    1.6  # of particle images to a body: below it a threshold would cut the light sheet's own shade
-)
+# of particle images to a body: below it a threshold would cut the light sheet's own shade
+MIN_CONTRAST = 1.6
 MOST = 0.99  # of the picture: a larger mask leaves nothing to correlate, and is a photograph
 OPENED_PX, CLOSED_PX = 15, 25  # width of bridges and of gaps that are no part of a body's shape
 SUBPIXEL_BITS = 6  # fixed-point digits of polygon corners in OpenCV
@@ -91,18 +90,15 @@ def not_whole(mask: ndarray, name: object) -> ndarray:
     return mask
 
 
-def outline_px(outline: ndarray, scale_m_per_px: float, origin_px: tuple[float, float]) -> ndarray:
-    """Outline in metres (..., 2) to px: right of the left column and up from the bottom row."""
-    if not scale_m_per_px > 0:
-        raise ValueError(f"scale_m_per_px must be positive, got {scale_m_per_px}")
-    return np.asarray(outline, float) / scale_m_per_px + np.asarray(origin_px, float)
+def outline_px(outline: ndarray, pixel: float, origin_px: tuple[float, float]) -> ndarray:
+    """Outline (..., 2) in m to px (of size `pixel`, m) right and up from the lower left pixel."""
+    return np.asarray(outline, float) / pixel + np.asarray(origin_px, float)
 
 
 def outline_masks(
     series: xr.Dataset,
     times: ndarray,
-    shape: tuple[int, int],
-    scale_m_per_px: float,
+    pixel: float,
     origin_px: tuple[float, float],
 ) -> list[list[ndarray]]:
     """Corner lists in px, one list of bodies per time, from the `outline` of a file.
@@ -125,7 +121,7 @@ def outline_masks(
         )
     if outline.sizes["time"] > 1:
         outline = outline.interp(time=np.clip(times, first, last))
-    return [list(frame) for frame in outline_px(outline.values, scale_m_per_px, origin_px)]
+    return [list(frame) for frame in outline_px(outline.values, pixel, origin_px)]
 
 
 def polygons_mask(polygons_px: list[ndarray], shape: tuple[int, int]) -> ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from fileio.errors import one_line
+from fileio.formats.recording import pixel_of
 from piv.images.image_files import ImageFiles
 from piv.images.masks import not_whole, outline_px, polygons_mask, read_mask
 from piv.images.open_recording import IMAGE_SUFFIXES, open_recording, row_to_y_px
@@ -45,7 +46,7 @@ class _PartOfRecording(Recording):
         super().__init__(whole.name, len(whole), None)
         self.whole, self.masks = whole, masks
         self.attrs, self.times = whole.attrs, whole.times
-        self.finger, self.variable = whole.finger, whole.variable
+        self.finger = whole.finger
         rows, columns = whole.shape
         x0, y0, x1, y1 = roi or (0, 0, columns - 1, rows - 1)
         left, bottom = max(0, math.ceil(x0)), max(0, math.ceil(y0))
@@ -67,6 +68,10 @@ class _PartOfRecording(Recording):
         if self.masks is not None:
             own = self.masks.of(i) if own is None else self.masks.of(i) | own
         return None if own is None else np.ascontiguousarray(own[self.cut])
+
+    def variable(self, name: str, frames: slice) -> ndarray:
+        """A variable of `finger` at some frames (frame, ...)."""
+        return self.whole.variable(name, frames)
 
     def close(self) -> None:
         """Close the whole recording."""
@@ -211,11 +216,11 @@ def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
 
 
 def _scale_of(recording: Recording) -> tuple[float, tuple[float, float]]:
-    """Metres per px and the origin (px) of a recording; ValueError where it has no scale."""
-    scale = recording.attrs.get("scale_m_per_px")
-    if scale is None:
+    """Size of a pixel (m) and the origin (px) of a recording; ValueError where it has no scale."""
+    pixel = pixel_of(recording.attrs)
+    if pixel is None:
         raise ValueError(f"{recording.name}: metres need its scale; give --scale-mm-per-px, or px")
-    return float(scale), (
+    return pixel, (
         float(recording.attrs.get("origin_x_px", 0)),
         float(recording.attrs.get("origin_y_px", 0)),
     )

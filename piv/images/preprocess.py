@@ -25,9 +25,8 @@ STEPS = {
     "highpass": "8",
     "cap": "3",
 }  # and their default values
-BACKGROUND_FRAMES = (
-    500  # of a longer recording, evenly chosen: more changes nothing that is visible
-)
+# of a longer recording, evenly chosen: more changes nothing that is visible
+BACKGROUND_FRAMES = 500
 CLIP = 2.0  # limit of the contrast of clahe
 
 

@@ -19,9 +19,8 @@ class Recording:
 
     `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
     `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where the frame rate
-    is unknown; `rec.attrs`: what is known of `bits`, `scale_m_per_px`, `origin_x_px`,
-    `origin_y_px`, `frame_rate_hz`. A context manager. Frames raise ValueError where they cannot be
-    read.
+    is unknown; `rec.attrs`: what is known of `bits` and of `fileio.formats.recording.CAMERA`. A
+    context manager. Frames raise ValueError where they cannot be read.
     """
 
     def __init__(self, name: str, count: int, frame_rate_hz: float | None) -> None:

@@ -10,22 +10,12 @@ from numpy import ndarray
 
 from fileio.errors import one_line
 from fileio.formats.plane_series import FINGER_VARIABLES
-from fileio.formats.recording import open_recording_file
+from fileio.formats.recording import CAMERA, open_recording_file
 from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files
 HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
-ATTRIBUTES = (
-    "bits",
-    "scale_m_per_px",
-    "origin_x_px",
-    "origin_y_px",
-    "frame_rate_hz",
-    "camera",
-    "seed",
-    "scene_hash",
-    "tip_width",
-)
+ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "tip_width")
 
 
 class RecordingFile(Recording):
@@ -68,11 +58,11 @@ class RecordingFile(Recording):
         return int(frames.shape[0])
 
     def _check_attributes(self) -> None:
-        for key in ("scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz"):
+        for key in CAMERA:
             value = self.attrs.get(key, 1.0)
             if not isinstance(value, int | float) or not np.isfinite(value):
                 raise ValueError(f"attribute {key} is {value!r}, expected a number")
-            if key in ("scale_m_per_px", "frame_rate_hz") and not value > 0:
+            if not key.startswith("origin") and not value > 0:
                 raise ValueError(f"attribute {key} is {value!r}, expected a positive number")
 
     def _numbers(self, name: str, shape: tuple[int, ...]) -> ndarray:

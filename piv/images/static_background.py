@@ -3,7 +3,7 @@
 The least grey value over the frames of a pixel holds what is static, and particles at rest as well.
 Those stay: a cell counts as static only where its texture that does not change is as strong as that
 of the particles elsewhere and particles move past it, or where it is so bright that no particles
-can be meant.
+can be there.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
 # of the particles' variance, which is the median over the cells: a cell is static whose own least
 # values have STATIC of it while MOVING of it changes, or that have BRIGHT of it
 STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
-SATURATED = (
-    0.98  # of the brightest pixel of all frames: what is always so bright shows no particles
-)
+# of the brightest pixel of all frames: what is always so bright shows no particles
+SATURATED = 0.98
 LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 
 
@@ -35,14 +34,14 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     if len(recording) < LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
-    held = set(chosen[:: max(1, len(chosen) // 4)])
+    kept = set(chosen[:: max(1, len(chosen) // 4)])
     few = []
     least, top = np.full(recording.shape, np.inf, np.float32), -np.inf
     for i in chosen:
         image = recording.frame(int(i))
         top = max(top, float(image.max()))
         np.minimum(least, image, out=least)
-        few += [image] if i in held else []
+        few += [image] if i in kept else []
     still = _texture(least)
     total, moving = [], []
     for image in few:

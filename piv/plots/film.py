@@ -43,7 +43,7 @@ def write_film(
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             assert process.stdin is not None
             assert process.stderr is not None
-            said = pool.submit(process.stderr.read)
+            log = pool.submit(process.stderr.read)
             try:
                 process.stdin.write(first.tobytes())
                 for image in images:
@@ -54,7 +54,7 @@ def write_film(
             except BaseException:
                 process.kill()
                 raise
-            reason = said.result().decode(errors="replace")
+            reason = log.result().decode(errors="replace")
         _check(process.returncode, reason, path)
 
 

@@ -69,8 +69,8 @@ def correlate_frames(
 
     def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
         f = nodes.factor
-        held = images.images(f)
-        for image in held:
+        level = images.images(f)
+        for image in level:
             image.filter(kernel)
         # a wider set multiplies the error of the vectors it starts from: widen it as they improve
         near = 1 if f == 2 else min(1 + calls[1], reach)
@@ -82,14 +82,14 @@ def correlate_frames(
             t = instants[k]
             for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
                 nodes.dense(moved, work[f][axis])
-            held[k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
+            level[k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
         total = np.zeros((MOMENTS, *nodes.cell_shape), float32)
         bent = np.zeros((5, *nodes.cell_shape), float32)
         cells = np.empty_like(total)
         for i in used:
             for j in range(i + 1, used[-1] + 1):
                 n = float(instants[j] - instants[i])
-                cell_moments(held[i].warped, held[j].warped, weight[i] * weight[j], cells)
+                cell_moments(level[i].warped, level[j].warped, weight[i] * weight[j], cells)
                 # the pair sees n d + m a; the straight-line fit weighs its gradient with n,
                 # coherence its noise
                 trust = float32(_coherence_weight(cells))

@@ -16,6 +16,7 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.formats.plane_series import AXES, provenance
+from fileio.formats.recording import CAMERA, pixel_of
 from fileio.formats.resumable import SeriesWriter
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
@@ -80,7 +81,7 @@ class SequenceOptions:
             )
 
 
-def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
+def _frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     """Indices of the frames of every vector field."""
     if options.frames == 2:
         return [
@@ -112,7 +113,7 @@ def correlate_recording(
     The result depends neither on that nor on the number of threads.
     chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
     """
-    sets = frame_sets(len(recording), sequence)
+    sets = _frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if chunk and part:
         if sequence.ensemble:
@@ -241,7 +242,7 @@ class _SeriesUnits:
     @classmethod
     def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> _SeriesUnits:
         """SI where scale and times are known, px and frames otherwise."""
-        scale = recording.attrs.get("scale_m_per_px")
+        scale = pixel_of(recording.attrs)
         times = recording.times
         left, bottom = recording.corner_px
         if scale is None or times is None:
@@ -259,9 +260,7 @@ class _SeriesUnits:
                 f"{recording.name}: the frames' times do not ascend; "
                 "give --frame-rate-hz in their place"
             )
-        return cls(
-            float(scale), origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"}
-        )
+        return cls(scale, origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"})
 
     def axes(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
         """Coordinates of the vectors from those in px."""
@@ -275,8 +274,8 @@ class _SeriesUnits:
 
 def _carried(recording: Recording) -> dict[str, Any]:
     """Root attributes of the recording that stay true of its vectors."""
-    names = ["scale_m_per_px", "origin_x_px", "origin_y_px", "frame_rate_hz", "seed"]
-    names += ["scene_hash", "tip_width"] if recording.finger else []
+    names = [*CAMERA, "seed"]
+    names += ["tip_width"] if recording.finger else []
     return {n: recording.attrs[n] for n in names if recording.attrs.get(n) is not None}
 
 

@@ -16,7 +16,7 @@ class Camera:
 
     width_px: Annotated[int, "picture width"] = 1280
     height_px: Annotated[int, "picture height"] = 1024
-    scale_m_per_px: Annotated[float, "metres per pixel"] = 1.25e-4
+    scale_mm_per_px: Annotated[float, "mm per pixel"] = 0.125
     origin_px: tuple[float, float] | None = None
     frame_rate_hz: Annotated[float, "frames per second"] = 500.0
     bits: Annotated[int, "grey levels are 2**bits"] = 8
@@ -34,11 +34,16 @@ class Camera:
     def __post_init__(self) -> None:
         if self.pairs_every < 1:
             raise ValueError(f"the camera's pairs_every must be at least 1, got {self.pairs_every}")
-        for name in ("width_px", "height_px", "scale_m_per_px", "frame_rate_hz"):
+        for name in ("width_px", "height_px", "scale_mm_per_px", "frame_rate_hz"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"the camera's {name} must be positive, got {getattr(self, name)}")
         if not 1 <= self.bits <= 16:
             raise ValueError(f"the camera's bits must be 1 to 16, got {self.bits}")
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel in the sheet, m."""
+        return self.scale_mm_per_px * 1e-3
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,10 @@ from piv.compiled import compiled, fast
 
 USED = (*VECTORS, "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6
-CACHED_INSTANTS = (
-    3  # a step's end is the next one's beginning, and both its truth and its speed are asked for
-)
-BODY_REACH = (
-    8.0  # cells into a body that take its surface's velocity; further in, no particle ever is
-)
+# a step's end is the next one's beginning, and both its truth and its speed are asked for
+CACHED_INSTANTS = 3
+# cells into a body that take its surface's velocity; further in, no particle ever is
+BODY_REACH = 8.0
 
 
 class PlaneField:
@@ -31,7 +29,7 @@ class PlaneField:
     Only a few planes are in memory at once. Where the plane has no vectors (bodies, rejected) the
     field is continued for interpolation only: with the velocity of a body's surface where the plane
     gives it (`outline_velocity`; the water sticks to it), else from its neighbours (`extend`).
-    Outside the plane the border value holds. Where nothing crosses the sheet (w is given, and zero
+    Outside the plane the border value holds. Where nothing crosses the sheet (w is there, and zero
     everywhere) dwdz is what continuity demands of u and v as they are interpolated: any other value
     would thin particles out, or heap them up, wherever they stay long, as in a vortex' core.
     """
@@ -53,24 +51,24 @@ class PlaneField:
         if i not in self._cache:
             now = self._planes[i]
             check_vectors(now)
-            given = usable(now).values
-            if not given.any():
+            present = usable(now).values
+            if not present.any():
                 raise ValueError(f"the plane at time {self.time[i]:g} s has no usable vector")
-            body = self._body_velocity(now, ~given)
-            out = np.zeros((given.shape[0] + 2, given.shape[1] + 2, 4))
-            plane = "w" in now and not np.any(now["w"].values[given])
+            body = self._body_velocity(now, ~present)
+            out = np.zeros((present.shape[0] + 2, present.shape[1] + 2, 4))
+            plane = "w" in now and not np.any(now["w"].values[present])
             for k, name in enumerate(("u", "v") if plane else ("u", "v", "w", "dwdz")):
                 if name in now:
                     values = now[name].values.astype(float)
-                    known = given & np.isfinite(values)
+                    known = present & np.isfinite(values)
                     if body is not None and name in body:
-                        values = np.where(given, values, body[name])
+                        values = np.where(present, values, body[name])
                         known |= np.isfinite(body[name])
                     filled = extend(values, known)
                     out[..., k] = _coefficients(filled)
             if plane:
                 outward = np.where(
-                    given, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0
+                    present, divergence(out[..., 0], out[..., 1], self.dx, self.dy), 0.0
                 )
                 out[..., 3] = _coefficients(-outward)
             self._cache[i] = out
@@ -97,7 +95,7 @@ class PlaneField:
     def at(self, t: float) -> ndarray:
         """Spline coefficients as of `plane` at time `t`, C1 in t; to be read only."""
         if t not in self._instants:
-            (first, w), *others = hermite_weights(self.time, t)
+            (first, w), *others = _hermite_weights(self.time, t)
             out = w * self.plane(first)
             for i, w in others:
                 out += w * self.plane(i)
@@ -139,7 +137,7 @@ def _coefficients(values: ndarray) -> ndarray:
     return np.pad(ndimage.spline_filter(values, order=3, mode="mirror"), 1, mode="reflect")
 
 
-def hermite_weights(time: ndarray, t: float) -> list[tuple[int, float]]:
+def _hermite_weights(time: ndarray, t: float) -> list[tuple[int, float]]:
     """Weights of the nodes round `t` of the C1 cubic Hermite interpolant with parabola slopes."""
     i = int(np.clip(np.searchsorted(time, t, side="right") - 1, 0, time.size - 2))
     h = time[i + 1] - time[i]

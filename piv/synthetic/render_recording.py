@@ -18,9 +18,8 @@ from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.truth import write_truth
 from piv.synthetic.virtual_camera import Recorder, finger_at
 
-CHECKPOINT_FRAMES = (
-    50  # an interrupted rendering carries the particles over at most so many frames again
-)
+# an interrupted rendering carries the particles over at most so many frames again
+CHECKPOINT_FRAMES = 50
 
 
 def render_recording(
@@ -47,9 +46,7 @@ def render_recording(
         write_truth(recorder, path.with_name(path.stem + "_truth.h5"), quiet=quiet)
     c = recorder.camera
     attrs = recorder.attributes() | provenance(**recorder.attributes())
-    attrs |= {
-        k: series.attrs[k] for k in ("scene_hash", "tip_width", "source") if k in series.attrs
-    }
+    attrs |= {k: series.attrs[k] for k in ("tip_width", "source") if k in series.attrs}
     attrs["field_digest"] = _digest(series)
     masked = "outline" in series or not usable(series.isel(time=0)).all()
     dtype = np.uint8 if c.bits <= 8 else np.uint16

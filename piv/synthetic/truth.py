@@ -21,7 +21,7 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
     middle = (recorder.time[first] + recorder.time[first + 1]) / 2
     x, y = (axis[:: recorder.truth_stride] for axis in (recorder.field.x, recorder.field.y))
     series = recorder.series
-    about = {k: series.attrs[k] for k in ("scene_hash", "tip_width") if k in series.attrs}
+    about = {k: series.attrs[k] for k in ("tip_width",) if k in series.attrs}
     about |= {"source": "truth", "seed": recorder.seed} | provenance(**recorder.attributes())
     names = [name for name in FINGER_VARIABLES if name in series]
     with writing_planes(path, x, y, middle.size, about) as file:

@@ -12,6 +12,7 @@ import xarray as xr
 from numpy import ndarray
 
 from fileio.formats.plane_series import FINGER_VARIABLES, usable
+from fileio.formats.recording import CAMERA
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import (
     SLAB_HALF_WIDTH,
@@ -70,7 +71,7 @@ class Recorder:
         half_pair = self.n_frames % camera.pairs_every == 1  # at the end
         number = np.arange(self.n_frames - half_pair)
         self.taken = number[number % camera.pairs_every < 2]
-        scale = camera.scale_m_per_px
+        scale = camera.pixel
         self.rim_px = math.ceil(3 * seeding.diameter_px)
         left, bottom = ((-0.5 - self.rim_px - o) * scale for o in self.origin_px)
         self.box = Box(
@@ -83,7 +84,7 @@ class Recorder:
         self._check_view()
 
     def _check_view(self) -> None:
-        f, b, rim = self.field, self.box, self.rim_px * self.camera.scale_m_per_px
+        f, b, rim = self.field, self.box, self.rim_px * self.camera.pixel
         for axis, low, high, nodes, step in (
             ("x", b.x0 + rim, b.x1 - rim, f.x, f.dx),
             ("y", b.y0 + rim, b.y1 - rim, f.y, f.dy),
@@ -92,13 +93,13 @@ class Recorder:
                 raise ValueError(
                     f"the camera sees {axis} from {low:.4g} to {high:.4g} m but the plane series "
                     "reaches only from "
-                    f"{nodes[0]:.4g} to {nodes[-1]:.4g} m; change origin_px, scale_m_per_px or the "
+                    f"{nodes[0]:.4g} to {nodes[-1]:.4g} m; change origin_px, the scale or the "
                     "picture's size"
                 )
 
     def to_px(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
         """Tank coordinates (m) to column and row of the picture (row 0 at the top)."""
-        scale = self.camera.scale_m_per_px
+        scale = self.camera.pixel
         return x / scale + self.origin_px[0], self.camera.height_px - 1 - (
             y / scale + self.origin_px[1]
         )
@@ -115,7 +116,7 @@ class Recorder:
                 polygons.append((column + rim, row + rim))
                 fill_polygon(mask, *polygons[-1])
             return Body(mask, tuple(polygons))
-        f, scale = self.field, self.camera.scale_m_per_px
+        f, scale = self.field, self.camera.pixel
         absent = ~usable(self.series.isel(time=int(np.argmin(np.abs(f.time - t))))).values
         if absent.any():
             x = (np.arange(mask.shape[1]) - rim - self.origin_px[0]) * scale
@@ -132,7 +133,7 @@ class Recorder:
         return body.holds(column + self.rim_px, row + self.rim_px)
 
     def _draw(self, index: int, margin: float = 0.0, margin_z: float = 0.0) -> ndarray:
-        s, scale = self.seeding, self.camera.scale_m_per_px
+        s, scale = self.seeding, self.camera.pixel
         per_volume = s.density_ppp / (scale**2 * s.sheet_thickness)
         rng = np.random.default_rng([self.seed, index, 0])
         return seed_particles(
@@ -143,7 +144,7 @@ class Recorder:
         """Particles of frame `index` + 1 from those of frame `index`."""
         t0, t1 = self.time[index], self.time[index + 1]
         most = self.motion(index)
-        slack = self.camera.scale_m_per_px
+        slack = self.camera.pixel
         fresh = self._draw(
             index + 1, MARGIN * most.along + slack, min(MARGIN * most.across, self.box.half_width)
         )
@@ -198,7 +199,7 @@ class Recorder:
     @property
     def truth_stride(self) -> int:
         """Stride of the plane's nodes whose truth is written: no finer than vectors are wanted."""
-        wanted = TRUTH_SPACING_PX * self.camera.scale_m_per_px
+        wanted = TRUTH_SPACING_PX * self.camera.pixel
         return max(1, int(wanted / max(self.field.dx, self.field.dy) + 1e-6))
 
     def truth(self, index: int) -> tuple[ndarray, ndarray, ndarray]:
@@ -223,13 +224,12 @@ class Recorder:
 
     def attributes(self) -> dict[str, Any]:
         """Root attributes of the recording (docs/formats.md) but for provenance."""
-        return {
-            "scale_m_per_px": self.camera.scale_m_per_px,
+        camera = asdict(self.camera)
+        return {k: camera[k] for k in CAMERA if k in camera} | {
             "origin_x_px": float(self.origin_px[0]),
             "origin_y_px": float(self.origin_px[1]),
-            "frame_rate_hz": self.camera.frame_rate_hz,
             "bits": self.camera.bits,
-            "camera": asdict(self.camera),
+            "camera": camera,
             "seeding": asdict(self.seeding),
             "seed": self.seed,
         }
@@ -238,7 +238,7 @@ class Recorder:
 def _centred(field: PlaneField, camera: Camera) -> tuple[float, float]:
     middle = (field.x[0] + field.x[-1]) / 2, (field.y[0] + field.y[-1]) / 2
     size = camera.width_px - 1, camera.height_px - 1
-    x, y = (s / 2 - m / camera.scale_m_per_px for s, m in zip(size, middle, strict=True))
+    x, y = (s / 2 - m / camera.pixel for s, m in zip(size, middle, strict=True))
     return float(x), float(y)
 
 

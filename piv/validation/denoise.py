@@ -50,9 +50,8 @@ def damp_noise(
     if known.any():  # a few vectors that know nothing must not let all around them pass for noise
         some = variance[known][:: max(known.sum() // 2000, 1)]  # enough for a median
         variance = np.minimum(variance, LARGEST * np.median(some))
-    if (
-        ratio is not None
-    ):  # in small windows a few cells determine each variance: their geometric mean
+    # in small windows a few cells determine each variance: their geometric mean
+    if ratio is not None:
         level = _gauss(np.log(np.maximum(variance, 1e-12)) * weight, LEVEL)
         level /= np.maximum(_gauss(weight, LEVEL), 1e-6)
         variance = np.where(ratio < 1, np.exp(level) * weight, variance)
@@ -60,7 +59,7 @@ def damp_noise(
     trends = [_quadratic(f, weight) for f in fields]
     fields = [f - trend for f, trend in zip(fields, trends, strict=True)]
     size = weight.shape[::-1]
-    low = fields  # less what finer bands have settled
+    low = fields  # less what finer bands have damped
     remains = np.ones_like(weight)  # share of the noise in it
     gain, lost = np.zeros_like(weight), np.zeros_like(weight)
     shares_of = _local_shares(sigma, spacing, passes, ratio)
@@ -76,16 +75,16 @@ def damp_noise(
                 cv2.resize(a, few, interpolation=cv2.INTER_AREA) for a in known_fields
             )
             parts = [p / np.maximum(share, 1e-6) for p in parts]
-        cut, settled, shares = _damped(parts, share, noise, width / coarser, band == 0)
+        cut, finished, shares = _damped(parts, share, noise, width / coarser, band == 0)
         if coarser > 1:
-            cut, settled = (
+            cut, finished = (
                 [cv2.resize(c, size, interpolation=cv2.INTER_CUBIC) for c in p]
-                for p in (cut, settled)
+                for p in (cut, finished)
             )
             shares = [cv2.resize(a, size, interpolation=cv2.INTER_LINEAR) for a in shares]
         kept, passed, more, there = shares
         fields = [f - c for f, c in zip(fields, cut, strict=True)]
-        low = [f - c for f, c in zip(low, settled, strict=True)]
+        low = [f - c for f, c in zip(low, finished, strict=True)]
         smooth = np.minimum(left / there, 1)  # at an edge fewer vectors share the noise
         gain = gain + remains * (1 - smooth) * (kept - passed)
         remains = remains * (smooth + (1 - smooth) * passed)
@@ -113,12 +112,12 @@ def _quadratic(field: ndarray, weight: ndarray) -> ndarray:
 def _damped(
     fields: list[ndarray], weight: ndarray, noise: ndarray, width: float, finest: bool
 ) -> tuple:
-    """Parts to take off both fields, the settled part, and shares of noise and signal.
+    """Parts to take off both fields, the finished part, and shares of noise and signal.
 
     Shares: fine noise that stays, and that is passed to the coarser bands; lost signal (px²);
     known weight of the low-pass.
 
-    Where the flow fills the band it is settled whole: each band is damped once. Elsewhere what is
+    Where the flow fills the band it is damped whole: each band is damped once. Elsewhere what is
     kept may be chance, and the coarser bands, which know the noise better, judge it again. noise:
     weighted variance expected in each part of the fine field.
     """
@@ -211,9 +210,8 @@ def _noise_shares(sigma: float, largest: float, spacing: float, passes: int, den
     total = np.zeros_like(window)
     for _ in range(passes):
         total = spline * total + window * (1 - spline * total)
-    power = (
-        (total**2).reshape(density, 64, density, 64).sum(axis=(0, 2))
-    )  # of one vector per `density` nodes
+    # of one vector per `density` nodes
+    power = (total**2).reshape(density, 64, density, 64).sum(axis=(0, 2))
     k = np.fft.fftfreq(64)
     square = k[:, None] ** 2 + k[None, :] ** 2
     out = []

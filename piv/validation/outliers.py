@@ -12,9 +12,8 @@ from piv.compiled import compiled, fast
 
 SUPPORT = 0.5  # share of the neighbours that must have passed
 RARE = 0.2  # share of vectors: where fewer have passed, doubtful correlations are chance
-LEAST_SUPPORT = (
-    0.25  # of the neighbours, where vectors are rare: a seeded part has it along its edge
-)
+# of the neighbours, where vectors are rare: a seeded part has it along its edge
+LEAST_SUPPORT = 0.25
 SUPPORT_ROUNDS = 4  # each takes away what the one before has left alone
 BLOCK = 256  # vectors whose neighbours are sorted together, in the first cache
 ABSENT = float32(
@@ -197,10 +196,7 @@ def normalised_median(
     median. Source: Westerweel & Scarano 2005, eq. 2, both components joined as a vector length.
     """
     residual, median_u, median_v = (np.empty(u.shape, float32) for _ in range(3))
-    u, v, usable = (
-        cv2.copyMakeBorder(np.asarray(f, float32), *[radius] * 4, cv2.BORDER_CONSTANT, value=(0,))
-        for f in (u, v, usable)
-    )
+    u, v, usable = (np.pad(np.asarray(f, float32), radius) for f in (u, v, usable))
     network, results = _median_network((2 * radius + 1) ** 2 - 1), (residual, median_u, median_v)
     limits = float32(epsilon), radius, float32(threshold)
     _normalised_median(u, v, usable, *limits, network, *results)
@@ -215,13 +211,13 @@ def supported(known, masked, correlation, *, doubtful: float, across: int):
     that no neighbour can be; across: nodes of a neighbourhood, an odd number.
     """
     box, border = (across, across), cv2.BORDER_REPLICATE
-    open_water = cv2.blur((~masked).astype(float32), box, borderType=border)
+    unmasked = cv2.blur((~masked).astype(float32), box, borderType=border)
     for _ in range(SUPPORT_ROUNDS):
         share = cv2.blur((known & ~masked).astype(float32), box, borderType=border)
         rare = (known & ~masked).sum() < RARE * (~masked).sum()
-        alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * open_water))
+        alone = known & (correlation < doubtful) & (rare | (share < SUPPORT * unmasked))
         if rare:
-            alone |= known & (share < LEAST_SUPPORT * open_water)
+            alone |= known & (share < LEAST_SUPPORT * unmasked)
         if not alone.any():
             break
         known = known & ~alone

@@ -144,17 +144,17 @@ class Page:
         )
 
     def save(self) -> None:
-        """Write what is drawn; what does not fit is said on the page."""
+        """Write what is drawn; errors appear on the page."""
         kept = self.kept or {0: self.drawn()}
         boxes = list(
             zip(*(self.region.data[n] for n in ("x", "y", "width", "height")), strict=True)
         )
         try:
             roi = clipped(boxes[-1], self.extent) if boxes else None
-            said = write_regions(self.output, self.scene.unit, kept, roi)
+            message = write_regions(self.output, self.scene.unit, kept, roi)
             if self.drawn() not in kept.values():
-                said += "; not saved: the polygons as drawn now; keep them at their frame first"
-            self.status.text = escape(said)
+                message += "; not saved: the polygons as drawn now; keep them at their frame first"
+            self.status.text = escape(message)
         except (ValueError, OSError) as error:
             self.status.text = escape(str(error))
 

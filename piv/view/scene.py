@@ -11,6 +11,7 @@ import xarray as xr
 
 from fileio.child_process import check_walkable
 from fileio.formats.plane_series import check_vectors, usable
+from fileio.formats.recording import pixel_of
 from piv.foreign.read import open_vectors
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
@@ -70,23 +71,17 @@ class Scene:
         edges = np.array([-0.5, -0.5, columns - 0.5, rows - 0.5])
         if self.unit == "px":
             return tuple(edges.tolist())
-        scale = self._known("scale_m_per_px", None)
-        if scale is None:
+        known = self.recording.attrs
+        if self.series is not None:
+            known = self.series.attrs | known
+        pixel = pixel_of(known)
+        if pixel is None:
             raise ValueError(
                 f"{self.recording.name}: its scale is not known; give vectors in px, or a "
                 "recording with a scale"
             )
-        origin = np.tile([self._known("origin_x_px", 0.0), self._known("origin_y_px", 0.0)], 2)
-        return tuple(((edges - origin) * scale).tolist())
-
-    def _known(self, name: str, otherwise: float | None) -> float | None:
-        for attrs in (
-            self.recording.attrs if self.recording else {},
-            self.series.attrs if self.series is not None else {},
-        ):
-            if attrs.get(name) is not None:
-                return float(attrs[name])
-        return otherwise
+        origin = np.tile([known.get(f"origin_{k}_px", 0.0) for k in "xy"], 2)
+        return tuple(((edges - origin) * pixel).tolist())
 
     def image(self, step: int) -> np.ndarray | None:
         """Grey values (uint8, row 0 at the bottom) at a step, stretched; None without images."""

@@ -38,13 +38,12 @@ MODEL_HOLDS = 2.0
 # explained part from which on what is left may be noise; in turbulence it is flow that no vortex
 # explains
 NOISE_ONLY = 0.95
-# share of a disc that holds vectors in open water; with less, beside a body, the vortex is hardly
+# share of a disc that holds vectors away from bodies; with less, the vortex is hardly
 # Lamb-Oseen's
-WATER = 0.95
+UNHIDDEN = 0.95
 POINTS_PER_CORE = 8
-SWEEPS = (
-    3  # passes of the fit over all vortices: neighbours and fit discs settle to 1e-3 within three
-)
+# passes of the fit over all vortices: neighbours and fit discs converge to 1e-3 within three
+SWEEPS = 3
 
 
 def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[Fitted]:
@@ -67,7 +66,7 @@ def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[Fitted]:
         fits = _significant(_fit_all(p, start, alone, 1), s)
     if not at_once:
         fits = _significant(_fit_all(p, _parameters(fits), alone, SWEEPS), s)
-    if np.isinf(s.region_prior) or all(f.seen >= WATER for f in fits):
+    if np.isinf(s.region_prior) or all(f.seen >= UNHIDDEN for f in fits):
         return fits
     return _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
 
@@ -136,7 +135,7 @@ def _fit_one(
     noise = 1.0 if p.noise_known else best.misfit
     for factor in wider:
         wide_fit = _fit_disc(p, now, start, area, s, factor * s.fit_radius, k)
-        if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < WATER:
+        if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < UNHIDDEN:
             break
         best = wide_fit
     return best
@@ -175,7 +174,7 @@ def _fit_disc(
     seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
     # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more
     # the region is asked
-    core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < WATER else np.inf
+    core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < UNHIDDEN else np.inf
     step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,

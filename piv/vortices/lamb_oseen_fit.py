@@ -190,9 +190,8 @@ def _levenberg_marquardt(p, n, d, unit, mean, correlated, dof):
                 step[q] = min(max(step[q], -limit), limit)
             grown = p[4 * k + 3] - first_core[k]
             step[4 * k + 3] = min(max(step[4 * k + 3], max(-0.5, -1 - grown)), min(0.5, 1 - grown))
-        if (
-            2 * (step @ rhs) - step @ (normal @ step) <= 1e-7 * cost + 1e-300
-        ):  # nothing left to gain
+        # nothing left to gain
+        if 2 * (step @ rhs) - step @ (normal @ step) <= 1e-7 * cost + 1e-300:
             if damping <= 1e-7:
                 break
             damping /= 100  # a damped step may gain little in a long valley: look again undamped

@@ -19,9 +19,8 @@ from piv.vortices.settings import VortexSettings
 REGION_RADIUS = 1.12
 REGION_PART = 0.715
 LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
-RADIUS_STEPS = (
-    8  # the share changes slowly with the radius: each step leaves about a third of the error
-)
+# the share changes slowly with the radius: each step leaves about a third of the error
+RADIUS_STEPS = 8
 
 
 class Plane(NamedTuple):

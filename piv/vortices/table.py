@@ -84,9 +84,8 @@ def _planes_with_vortices(
         waiting: deque[tuple[xr.Dataset, Future[list[Vortex]]]] = deque()
         for plane in bar:
             waiting.append((plane, pool.submit(find_vortices, plane, settings)))
-            if (
-                len(waiting) > 2 * processes
-            ):  # enough to keep all busy, few enough to keep memory flat
+            # enough to keep all busy, few enough to keep memory flat
+            if len(waiting) > 2 * processes:
                 plane, future = waiting.popleft()
                 yield plane, future.result()
         for plane, future in waiting:

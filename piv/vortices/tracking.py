@@ -54,9 +54,8 @@ class _Track:
         f = np.eye(4)
         f[0, 2] = f[1, 3] = dt
         p = self.covariance.copy()
-        if (
-            self.young
-        ):  # no velocity is known yet: a step of one core radius is one standard deviation
+        # no velocity is known yet: a step of one core radius is one standard deviation
+        if self.young:
             p[2, 2] = p[3, 3] = (a / dt) ** 2
         g = np.array([[dt / 2, 0], [0, dt / 2], [1, 0], [0, 1]])
         frames = 1 + self.missed

@@ -121,7 +121,7 @@ def motion(rows: list[tuple[np.ndarray, np.ndarray, str]]) -> Figure:
     for ax, (t, values, label) in zip(axes, rows, strict=True):
         ax.plot(t, values, color=CFD)
         ax.set_ylabel(label)
-    axes[0].set_title("The motion that is prescribed")
+    axes[0].set_title("The motion")
     axes[-1].set_xlabel("time, s")
     return figure
 

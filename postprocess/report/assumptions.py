@@ -45,6 +45,9 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     motion = (
         "The body is rigid and its motion is prescribed."
         if body
+        else "Pressure and water make the finger's motion together: the loads of the run before"
+        " bend it (docs/coupling.md)."
+        if scene["motion"]["shapes"]
         else "The finger's motion is prescribed; the water does not bend it. What the loads on it"
         " would bend is said at the head of the page."
     )

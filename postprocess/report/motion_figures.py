@@ -57,6 +57,8 @@ def water_figure(album: Album, path: Path) -> None:
 def bending_figure(album: Album, path: Path, length: float) -> None:
     """Bending radius over pressure of the states, beside the paper's equations; `length` in m."""
     kinematics = read_kinematics(path)
+    if kinematics.values("state_pressure") is None:
+        return  # a motion over time, as of a coupled run, follows from no states
     names = ("state_pressure", "state_bend", "paper_bend")
     pressure, bend, paper = (kinematics.data[name].values for name in names)
     std = kinematics.values("state_bend_std")

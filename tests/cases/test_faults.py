@@ -1,16 +1,14 @@
 """A small version of `make faults` and `make stability`: kills, two makes, full disk; endings."""
 
-import json
 import shutil
 
 import pytest
 
-from pipeline.study.outcome import NAME, outcome
-from pipeline.study.plan import write_scene
-from pipeline.study.rows import Row
+from pipeline.runs.make import Machine
+from pipeline.study.outcome import write_outcome
 from tests.studies.faults.conditions import disks, twice
 from tests.studies.faults.kill import kills_in
-from tests.studies.faults.project import PRODUCTS, SCENE, copy_project, make, out_of
+from tests.studies.faults.project import SCENE, copy_project, make, out_of
 from tests.studies.stability import images
 from tests.studies.stability.solver import result
 
@@ -27,10 +25,7 @@ def solved(tmp_path_factory):
     project, wanted = copy_project(folder / "project"), folder / "wanted"
     done = make(project, f"{SCENE}.run")
     assert done.returncode == 0, done.stderr[-2000:]
-    for stage in ("kinematics", "mesh", "case", "run"):
-        for name in PRODUCTS[stage]:
-            (wanted / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(out_of(project) / name, wanted / name)
+    shutil.copytree(out_of(project), wanted)
     return project, wanted, folder
 
 
@@ -75,19 +70,15 @@ BEYOND = {"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.
         (BEYOND, "refused", "states cover"),
     ],
 )
-def test_a_run_ends_in_one_of_three_ways(solved, changes, ended, words):
-    scene = solved[0] / "cases" / SCENE
-    row = Row(f"axis_{ended}{len(words)}", "tiny", until="run", overrides=TINY | changes)
-    folder = write_scene(scene, "edges", row)
-    run_outcome = outcome(folder, row.level, row.until, row.ranks)
-    assert run_outcome["ended"] == ended, run_outcome
-    assert words in run_outcome["reason"]
-    assert str(folder) not in run_outcome["reason"]
-    (folder / "out" / "tiny").mkdir(parents=True, exist_ok=True)
-    (folder / "out" / "tiny" / NAME).write_text(json.dumps(run_outcome))
-    planned = {"run": row.run, "axis": "axis", "value": "", "level": "tiny", "ranks": 1}
-    judged = result(planned | {"scene": str(scene), "folder": str(folder)})
+def test_a_run_ends_in_one_of_three_ways(solved, tmp_path, changes, ended, words):
+    scene = str(solved[0] / "cases" / SCENE)
+    planned = {"run": "axis_", "axis": "axis", "value": "", "level": "tiny", "ranks": 1}
+    planned |= {"overrides": TINY | changes, "folder": scene, "out": str(tmp_path), "until": "run"}
+    write_outcome(planned, Machine())
+    judged = result(planned)
     assert judged["ended"] == ended, judged
+    assert words in judged["reason"]
+    assert str(tmp_path) not in judged["reason"]
     if ended == "completed":
         assert judged["from_nothing_fraction"] < 0.01
 

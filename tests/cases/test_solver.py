@@ -4,7 +4,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from pipeline.run.guards import Guard
 from pipeline.run.prepare import prepare as lay_frames
 from pipeline.run.solver import read_progress
 from pipeline.scene.scene import Scene, load_scene
-from tests.cases.conftest import copy_of, force_difference, record, table
+from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, meshes_of, prepare, write_scene
 
 pytestmark = [
@@ -148,8 +147,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    options = [str(killed.folder), "--level", "tiny", "--quiet"]
-    command, case = [sys.executable, "-m", "pipeline", "run", *options], killed.out / "case"
+    command, case = solving(killed), killed.out / "case"
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = case / "interval_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600

@@ -31,7 +31,7 @@ def clone(project, tmp_path):
 
 def run(command: list[str], folder: Path) -> str:
     """Output of a command, which must succeed; its make needs no set-up."""
-    environment = inner_environment(MAKEFLAGS="READY=Makefile", MPLBACKEND="Agg")
+    environment = inner_environment(MPLBACKEND="Agg")
     environment["PATH"] = f"{folder / '.venv' / 'bin'}:{environment['PATH']}"
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False

@@ -35,8 +35,8 @@ def joined_tangent(
 
 
 def _matrix(values: list, rows: list, columns: list, shape: tuple[int, int]) -> sparse.coo_matrix:
-    values, rows, columns = (np.concatenate(part) for part in (values, rows, columns))
-    return sparse.coo_matrix((values, (rows, columns)), shape=shape)
+    entries, row, column = (np.concatenate(part) for part in (values, rows, columns))
+    return sparse.coo_matrix((entries, (row, column)), shape=shape)
 
 
 def joined_curvature(
@@ -73,7 +73,7 @@ def contact(
     """
     depth = -gap(x, y, u, phi, x_plane)
     active = depth > 0
-    points, x, y, k, depth = (v[active] for v in (points, x, y, stiffness, depth))
+    points, x, y, k, depth = points[active], x[active], y[active], stiffness[active], depth[active]
     n = 3 * n_points
     c, s = np.cos(phi), np.sin(phi)
     one = np.ones(len(points))

@@ -16,12 +16,13 @@ from pipeline.fea.settings import Import
 
 def read_vtk(path: Path, results: Import) -> Fields:
     """All states of a .pvd, or of .vtu files numbered by name (*); raises ValueError."""
+    meshes: list[Any] = []
     if path.suffix == ".pvd":
         reader = pyvista.PVDReader(path)
-        meshes, times = [], list(reader.time_values)
+        times = list(reader.time_values)
         for time in times:
             reader.set_active_time_value(time)
-            block = reader.read()
+            block: Any = reader.read()
             meshes.append(block.combine() if block.n_blocks > 1 else block[0])
     else:
         meshes = [pyvista.read(file) for file in sorted(path.parent.glob(path.name))]

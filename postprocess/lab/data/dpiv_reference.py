@@ -12,8 +12,8 @@ from postprocess.lab.data.seen_in_data import seen_in
 PAGE = Path("docs/dpiv_reference.md")
 HEAD = """# Every key of dpiv.toml
 
-Written by `make scene-reference`; what the keys are for: [comparison](comparison.md).
-A file to start from: `python -m postprocess dpiv-reference --template [--data FOLDER]`; with a
+Written by `softfinger reference`; what the keys are for: [comparison](comparison.md).
+A file to start from: `softfinger new-dpiv [FOLDER]`; with a
 folder of pictures or vectors, the keys that these show are filled in.
 """
 _FOUND = list(keys_of(Dpiv, without=frozenset({"folder"})))

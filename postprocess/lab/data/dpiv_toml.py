@@ -70,6 +70,11 @@ class Scale(Table):
     std_percent: Positive | None = None
     """Relative standard uncertainty of the scale [%]"""
 
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel in the sheet, m; 0 where no number states it."""
+        return (self.scale_mm_per_px or 0.0) * 1e-3
+
     @model_validator(mode="after")
     def _one(self) -> Scale:
         given = [self.scale_mm_per_px is not None, self.calibration is not None, self.from_finger]

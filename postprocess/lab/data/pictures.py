@@ -77,9 +77,8 @@ def stated_pose(
         return None, None
     assert dpiv.axes.root_px is not None
     assert dpiv.scale.std_percent is not None
-    calibration = recording.calibration
-    stated = dpiv.scale.scale_mm_per_px
-    scale = stated * 1e-3 if stated else calibration.scale_m_per_px  # type: ignore[union-attr]
+    scale = (recording.calibration or dpiv.scale).scale_mm_per_px
+    assert scale is not None
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
     x = columns - 1 - x if dpiv.axes.x == "left" else x
@@ -97,12 +96,16 @@ class MaskedRecording(Recording):
         indices: np.ndarray,
         times: np.ndarray,
         outlines: list[np.ndarray],
-        scale: float,
+        pose: Pose,
     ) -> None:
         super().__init__(source.name, len(indices), None)
         self._source, self._indices, self._outlines = source, indices, outlines
         self.times = np.asarray(times, float)
-        self.attrs = {"scale_m_per_px": scale, "origin_x_px": 0.0, "origin_y_px": 0.0}
+        self.attrs = {
+            "scale_mm_per_px": pose.scale_mm_per_px,
+            "origin_x_px": 0.0,
+            "origin_y_px": 0.0,
+        }
 
     def _read(self, i: int) -> np.ndarray:
         return self._source.frame(int(self._indices[i]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -17,15 +17,24 @@ from piv.synthetic.virtual_camera import finger_at
 class Pose:
     """Where the tank frame (m) lies in a picture.
 
-    picture = at_px + R(angle) (tank - anchor) / scale_m_per_px; px, x right and y up from the
+    picture = at_px + R(angle) (tank - anchor) / pixel; px, x right and y up from the
     centre of the bottom left pixel; angle in rad, counter-clockwise. The picture of vectors in
-    metres is in metres: scale_m_per_px is then close to 1.
+    metres is in metres: `pixel` is then close to 1.
     """
 
-    scale_m_per_px: float
+    scale_mm_per_px: float
     angle: float
     anchor: tuple[float, float]
     at_px: tuple[float, float]
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel (or of the picture's metre) in the sheet, m."""
+        return self.scale_mm_per_px * 1e-3
+
+    def scaled(self, factor: float) -> Pose:
+        """The pose with another scale."""
+        return replace(self, scale_mm_per_px=self.scale_mm_per_px * factor)
 
     @property
     def rotation(self) -> np.ndarray:
@@ -36,20 +45,20 @@ class Pose:
     def to_px(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the tank frame in the picture."""
         arm = np.asarray(points) - self.anchor
-        return arm @ self.rotation.T / self.scale_m_per_px + self.at_px
+        return arm @ self.rotation.T / self.pixel + self.at_px
 
     def to_tank(self, points_px: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the picture in the tank frame; inverse of `to_px`."""
         arm = np.asarray(points_px) - self.at_px
-        return arm @ self.rotation * self.scale_m_per_px + self.anchor
+        return arm @ self.rotation * self.pixel + self.anchor
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) in the camera frame: the picture's axes, in true metres."""
-        return self.to_px(points) * self.scale_m_per_px
+        return self.to_px(points) * self.pixel
 
     def from_camera(self, points: np.ndarray) -> np.ndarray:
         """Positions (…, 2) of the camera frame in the tank frame."""
-        return self.to_tank(np.asarray(points) / self.scale_m_per_px)
+        return self.to_tank(np.asarray(points) / self.pixel)
 
     def view(
         self, first: tuple[float, float], last: tuple[float, float], margin: float

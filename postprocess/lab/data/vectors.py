@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,9 @@ def camera_before(data: xr.Dataset, pose: Pose, camera: LabCamera) -> tuple[Pose
     scale = camera.scale_mm_per_px * 1e-3
     middle = np.array([data[axis].values[[0, -1]].mean() for axis in ("x", "y")])
     corner = middle - 0.5 * scale * np.array([camera.columns - 1, camera.rows - 1])
-    at = (np.asarray(pose.at_px) * pose.scale_m_per_px - corner) / scale
-    return Pose(scale, pose.angle, pose.anchor, (float(at[0]), float(at[1]))), corner
+    at = (np.asarray(pose.at_px) * pose.pixel - corner) / scale
+    seen = replace(pose, scale_mm_per_px=camera.scale_mm_per_px, at_px=tuple(at.tolist()))
+    return seen, corner
 
 
 def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -44,17 +46,16 @@ def vectors_view(dpiv: Dpiv, pose: Pose) -> tuple[tuple[float, float], tuple[flo
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """Exported vectors as a plane series in stated metres, y up, times from the first instant."""
-    assert dpiv.scale.scale_mm_per_px is not None
     stated, interval = dpiv.vectors or VectorFiles(), dpiv.interval
     paths = _sorted_paths(dpiv)
-    scale = dpiv.scale.scale_mm_per_px * 1e-3
+    scale = dpiv.scale.pixel
     try:
         plane = read_vectors(
             paths,
             **stated.model_dump(exclude={"std_px"}),
             frame_rate_hz=dpiv.frame_rate_hz,
             y_axis=dpiv.axes.y,
-            scale_m_per_px=scale,
+            scale_mm_per_px=dpiv.scale.scale_mm_per_px,
             interval_s=interval,
         )
     except ValueError as error:  # piv asks by the names of its options

@@ -23,14 +23,13 @@ from postprocess.lab.data.files import LabFiles, Registration, read_registration
 from postprocess.lab.data.inputs_toml import Inputs, read_inputs
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
-from postprocess.lab.judgement.field_uncertainty import field_comparison
 from postprocess.lab.judgement.inputs_of_budget import Case, Effect, stacked
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
-from postprocess.lab.judgement.tables import field_values, quantity_table, series_table
 from postprocess.lab.judgement.uncertainty_sources import (
     common_rows,
     effect_of,
+    field_comparison,
     flow_quantities,
     tables,
 )
@@ -88,7 +87,7 @@ def run_comparison(
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    fields = field_values(case, field, result["rows"], planes.picture)
+    fields = _field_values(case, field, result["rows"], planes.picture)
     write_fields(files.folder / "fields.h5", fields)
     return result
 
@@ -106,9 +105,9 @@ def _make_case(
     times = planes.direct["time"].values
     window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
-    px = registration.pose.scale_m_per_px  # m; of vectors the picture's unit is the stated metre
+    px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
-        px *= (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3
+        px *= dpiv.scale.pixel
     window_m = dpiv.piv.window * px
     sides = planes.data, planes.virtual, planes.direct
     fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
@@ -135,7 +134,6 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
     judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
     wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
     moves, flows = motion_verdict(judged), flow_verdict(judged)
-    registration = case.registration
     result = {
         "verdict": overall_verdict(moves, flows),
         "motion": moves,
@@ -146,9 +144,9 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, F
         "instants": int(rows.sum()),
         "rows": np.flatnonzero(rows),
         "quantities": judged,
-        "registration": registration_summary(registration, case.kinematics),
+        "registration": registration_summary(case.registration),
     }
-    return result, series_table(case, measured), field
+    return result, _series_table(case, measured), field
 
 
 def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
@@ -265,3 +263,54 @@ def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
         "seed": seed,
         "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
     }
+
+
+def _series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Every quantity of every side over time (s of the simulation), with the bend angles."""
+    out = pd.DataFrame({"time": case.direct["time"].values})
+    out["bend_deg_direct"] = np.degrees(case.direct["bend"].values[:, 0])
+    out["bend_deg_data"] = np.degrees(case.data["bend"].values[:, 0])
+    for name, table in measured.items():
+        for column in table.columns.drop("time"):
+            out[f"{column}_{name}"] = table[column].to_numpy()
+    return out
+
+
+COMPONENTS = ["simulation", "direct", "data", "finer", "explained_by_motion", "error"]
+COMPONENTS += ["u_num", "u_input", "u_D", "u_val"]
+
+
+def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
+    """One row per quantity and component, SI.
+
+    The part that the motion explains is empty where it is not known; it is then not taken out.
+    """
+    rows = []
+    for q in result["quantities"]:
+        for k, axis in enumerate(("x", "y") if len(q["error"]) == 2 else ("",)):
+            known = {"quantity": q["name"], "component": axis, "unit": q["unit"]}
+            verdict = {"k": q["k"], "verdict": q["verdict"], "dominant_source": q["dominant"]}
+            rows.append(known | {name: _component(q[name], k) for name in COMPONENTS} | verdict)
+    return pd.DataFrame(rows)
+
+
+def _component(values: np.ndarray | None, k: int) -> float | None:
+    return None if values is None else float(values[k])
+
+
+def _field_values(
+    case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
+) -> dict[str, Any]:
+    """Variables of fields.h5."""
+    times = case.direct["time"].values
+    values = {
+        "time": times[rows],
+        "y": case.direct["y"].values,
+        "x": case.direct["x"].values,
+        "error": field.error.astype(np.float32),
+        "u_val": field.u_val().astype(np.float32),
+        "significance": field.significance().astype(np.float32),
+    }
+    if picture is None:
+        return values
+    return values | {"picture": picture, "picture_time": float(times[times.size // 2])}

@@ -141,11 +141,11 @@ def check_priors(
                 f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
                 " give axes.turn_std_deg if it is not known as well"
             )
-        off = (np.asarray(pose.at_px) - stated.at_px) * pose.scale_m_per_px
-        if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.scale_m_per_px * std[:2].max()):
+        off = (np.asarray(pose.at_px) - stated.at_px) * pose.pixel
+        if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.pixel * std[:2].max()):
             place = f"({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm"
             out.append(f"the root lies {place} from where axes.root_px states it; correct it")
-        away = float(np.log(pose.scale_m_per_px / stated.scale_m_per_px))
+        away = float(np.log(pose.pixel / stated.pixel))
         if scale_std is not None and abs(away) > FAR_OFF * np.hypot(scale_std, std[3]):
             out.append(
                 f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated"

@@ -6,8 +6,6 @@ scored against alternatives; an alternative counts only where the fit is not as 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics
@@ -40,7 +38,7 @@ def best_delay(
     """
     table, outlines, normals = shapes
     pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
-    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px, 0.0, 0.0, 0.0)
+    seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0, 0.0, 0.0)
     scores = []
     for delay in delays:
         at = np.clip((frames.times - delay) / stretch, *kinematics.time)
@@ -71,7 +69,7 @@ def stated_wrongly(
     def score(stretch: float = 1.0, scale: float = 1.0, of: Shapes = shapes) -> float:
         reach = max(span, stretch * float(np.ptp(kinematics.time)))
         delays = np.arange(-reach, span, max(COARSE_S * stretch, reach / 80))
-        seen = replace(pose, scale_m_per_px=pose.scale_m_per_px * scale)
+        seen = pose.scaled(scale)
         return best_delay(frames, of, kinematics, seen, delays, stretch, GROWN_PX)[1]
 
     others = {

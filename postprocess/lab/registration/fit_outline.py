@@ -10,7 +10,7 @@ law to all silhouettes, not to one bend per frame, uses every particle near an e
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class OutlineFit:
         """Evidence in the middle of the samples, of an outline grown by `grown_px`."""
         table, outlines, normals = outline_table(kinematics)
         pose, pressures, _ = self.means()
-        seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, grown_px, 0.0, 0.0, 0.0)
+        seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0, 0.0, 0.0)
         places = (pressures - table[0]) / (table[1] - table[0])
         at = np.asarray(pose.anchor), seat, places
         return float(all_scores(frames.integrals, frames.mean, outlines, normals, *at).sum())
@@ -89,8 +89,8 @@ class OutlineFit:
 def moved(pose: Pose, change: np.ndarray) -> Pose:
     """A pose changed by (px, px, rad, ln of the magnification, …)."""
     at = (pose.at_px[0] + float(change[0]), pose.at_px[1] + float(change[1]))
-    scale = pose.scale_m_per_px * float(np.exp(-change[3]))
-    return Pose(scale, pose.angle + float(change[2]), pose.anchor, at)
+    pose = pose.scaled(float(np.exp(-change[3])))
+    return replace(pose, angle=pose.angle + float(change[2]), at_px=at)
 
 
 def prepare(
@@ -185,10 +185,10 @@ def fit_outline(
     mean[4:8], weight[4:8] = -nuisance, nuisance_std**-2.0
     mean[[8, 10]], weight[[8, 10]] = 1.0 - law[[0, 2]], LAW_STD**-2
     if scale is not None:
-        mean[3], weight[3] = np.log(first.scale_m_per_px / scale[0]), scale[1] ** -2
+        mean[3], weight[3] = np.log(first.pixel / scale[0]), scale[1] ** -2
     if stated_delay is not None:
         mean[9], weight[9] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
-    start = np.array([*first.at_px, first.angle, first.scale_m_per_px, *nuisance, *law])
+    start = np.array([*first.at_px, first.angle, first.pixel, *nuisance, *law])
     apart = np.asarray(deviation, float) / step
     rng = np.random.default_rng(seed)
     wide = np.concatenate([about, np.minimum(nuisance_std, NUISANCE_ABOUT), LAW_ABOUT])
@@ -268,7 +268,7 @@ def single_pressures(
     """
     table, outlines, normals = outline_table(kinematics)
     pose, _, nuisance = fit.means()
-    seat = (*pose.at_px, pose.angle, pose.scale_m_per_px, *nuisance)
+    seat = (*pose.at_px, pose.angle, pose.pixel, *nuisance)
     off = np.arange(-FAR_OFF, FAR_OFF, FINE_STEP / deviation * (table[1] - table[0]))
     mean, std = np.empty(law.size), np.empty(law.size)
     for f, expected in enumerate(law):

@@ -17,12 +17,12 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
     `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m),
-    angle (rad), scale (m per px), and the four of `files.Nuisance`; `normals` as of
+    angle (rad), size of a pixel (m), and the four of `files.Nuisance`; `normals` as of
     `outline_table`.
     """
-    x0, y0, angle, scale_m_per_px, edge, lateral, along_x, along_y = seat
+    x0, y0, angle, pixel, edge, lateral, along_x, along_y = seat
     c, s = np.cos(angle), np.sin(angle)
-    magnification = 1 / scale_m_per_px
+    magnification = 1 / pixel
     t = min(max(int(place), 0), outlines.shape[0] - 2)
     w = place - t
     n = outlines.shape[1]
@@ -53,14 +53,14 @@ def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
 
 
 @numba.njit(cache=True)
-def seat_of(first, change):
+def _seat_of(first, change):
     """The `seat` of `frame_score` that `first` (11,) becomes by a change (11,) of the chain."""
     to = first + change
     return to[0], to[1], to[2], first[3] * np.exp(-change[3]), to[4], to[5], to[6], to[7]
 
 
 @numba.njit(cache=True)
-def law_places(times, values, law, begin, step):
+def _law_places(times, values, law, begin, step):
     """Places at `times` (s) by start + factor (law((t - delay)/stretch) - start).
 
     `law` is tabulated at `begin` + k `step` (s).
@@ -118,19 +118,19 @@ def walk(
     evidence = np.empty(chains)
     for c in range(chains):
         change, off = changes[c].copy(), offs[c].copy()
-        places = law_places(times, first[8:] + change[8:], law, begin, step) + off
+        places = _law_places(times, first[8:] + change[8:], law, begin, step) + off
         scores = all_scores(
-            integrals, mean_evidence, outlines, normals, anchor, seat_of(first, change), places
+            integrals, mean_evidence, outlines, normals, anchor, _seat_of(first, change), places
         )
         for sweep in range(sweeps):
             new = change + sizes[0] * factor @ rng.standard_normal(size)
             new_law = first[8:] + new[8:]
             accept = new_law[0] > 0.05 and new_law[2] > 0.05
             if accept:
-                new_places = law_places(times, new_law, law, begin, step) + off
+                new_places = _law_places(times, new_law, law, begin, step) + off
                 accept = new_places.min() >= 0 and new_places.max() <= largest
             if accept:
-                seat = seat_of(first, new)
+                seat = _seat_of(first, new)
                 tried = all_scores(
                     integrals, mean_evidence, outlines, normals, anchor, seat, new_places
                 )
@@ -147,7 +147,7 @@ def walk(
                 values = first[8:] + new_law
                 if values[0] <= 0.05 or values[2] <= 0.05:
                     continue
-                new_off = places - law_places(times, values, law, begin, step)
+                new_off = places - _law_places(times, values, law, begin, step)
                 gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
                 gain -= 0.5 * np.sum(
                     weight_prior[8:]
@@ -157,7 +157,7 @@ def walk(
                 if better:
                     change[8:], off = new_law, new_off
                 sizes[1] *= np.exp(adapt * ((1.0 if better else 0.0) - TAKEN))
-            seat = seat_of(first, change)
+            seat = _seat_of(first, change)
             for f in range(frames):
                 move = alone[f] * rng.standard_normal()
                 if places[f] + move < 0 or places[f] + move > largest:

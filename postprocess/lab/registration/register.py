@@ -96,7 +96,7 @@ def _first_pose(recording: Recording, frames: list[np.ndarray], kinematics: Kine
     rest = kinematics.shape("tip", float(kinematics.law(kinematics.time[0]))) - kinematics.root
     turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
     root = centre - 0.5 * length * direction
-    scale, at = kinematics.length / length, (float(root[0]), float(root[1]))
+    scale, at = 1e3 * kinematics.length / length, (float(root[0]), float(root[1]))
     return Pose(scale, float(turn), kinematics.root, at)
 
 
@@ -153,10 +153,10 @@ def register(
     if not hidden and stated:  # without its root a fit may go anywhere
         _check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
     known: dict[str, Any] = {"stated_delay": stated_delay, "scale": None}
-    pose_std = np.array([*[ROOT_STD / pose.scale_m_per_px] * 2, TURN_STD, SCALE_STD])
+    pose_std = np.array([*[ROOT_STD / pose.pixel] * 2, TURN_STD, SCALE_STD])
     if scale_std is not None:
         pose_std[3] = float(np.hypot(scale_std, length_std))
-        known["scale"] = pose.scale_m_per_px, pose_std[3]
+        known["scale"] = pose.pixel, pose_std[3]
     wrong, shown = stated_wrongly(frames, kinematics, pose, scale_known=stated is not None)
     delay = _search_delay(frames, kinematics, pose, *(stated_delay or (None,)))
     first = np.array([1.0, delay, 1.0])
@@ -217,7 +217,7 @@ def _check_root(
     patch = pose.to_px(np.array([kinematics.root + a * along + d * dorsal for a, d in corners]))
     dense = np.linspace(patch, np.roll(patch, -1, 0), 40, endpoint=False, axis=1).reshape(-1, 2)
     sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
-    area = (beyond[1] - beyond[0]) * 2 * half / pose.scale_m_per_px**2
+    area = (beyond[1] - beyond[0]) * 2 * half / pose.pixel**2
     rows, columns = (n - 1 for n in frames.integrals.shape[1:])
     outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
     if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
@@ -252,12 +252,11 @@ def with_length(
         assert registration.stated is not None  # a stated scale has a stated pose
         share = scale_std**2 / (scale_std**2 + length_std**2)
         variance = share * length_std**2
-    stated = (registration.stated or registration.pose).scale_m_per_px
-    scale = stated * (registration.pose.scale_m_per_px / stated) ** share
+    pose = registration.pose
+    pose = pose.scaled((pose.pixel / (registration.stated or pose).pixel) ** (share - 1))
     turn = np.diag([1.0, 1.0, 1.0, share])
     covariance = turn @ registration.covariance @ turn
     covariance[3, 3] += variance
-    pose = replace(registration.pose, scale_m_per_px=scale)
     return replace(registration, pose=pose, covariance=covariance)
 
 

@@ -146,37 +146,35 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     at = float(-x if axes.x == "left" else x), float(y)
     root_std, turn_std = axes.root_std_mm * 1e-3, float(np.radians(axes.turn_std_deg))
     covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
-    pose = Pose(1.0, float(np.radians(axes.turn_deg)), kinematics.root, at)
+    pose = Pose(1e3, float(np.radians(axes.turn_deg)), kinematics.root, at)
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
     none = np.empty(0)
     return Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose)
 
 
-def registration_summary(registration: Registration, kinematics: Kinematics) -> dict[str, Any]:
+def registration_summary(registration: Registration) -> dict[str, Any]:
     """The values found, and their differences from the stated ones, in a laboratory's units."""
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
-    scale = pose.scale_m_per_px
-    misfit = abs(kinematics.splines["bend"](kinematics.high, 1)) * law.misfit
+    scale = pose.scale_mm_per_px
     summary = {
-        "scale_m_per_px": scale,
+        "scale_mm_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
         "turn_deg": float(np.degrees(pose.angle)),
         "turn_std_deg": float(np.degrees(std[2])),
         "root_px": pose.at_px,
-        "root_std_mm": [float(s) * scale * 1e3 for s in std[:2]],
+        "root_std_mm": [float(s) * scale for s in std[:2]],
         "delay_ms": law.delay * 1e3,
         "delay_std_ms": law.std("delay") * 1e3,
         "pressure_factor": float(law.values[0]),
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
-        "misfit_deg": float(np.degrees(misfit)),
     }
     if stated is not None:
-        off = (np.asarray(pose.at_px) - stated.at_px) * scale * 1e3
+        off = (np.asarray(pose.at_px) - stated.at_px) * scale
         summary |= {
-            "scale_against_stated_percent": 100 * (scale / stated.scale_m_per_px - 1),
+            "scale_against_stated_percent": 100 * (scale / stated.scale_mm_per_px - 1),
             "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
             "root_against_stated_mm": [float(v) for v in off],
         }

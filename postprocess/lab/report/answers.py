@@ -18,7 +18,6 @@ WORDS = {
     "differs within the inputs": "no, but within what is known of the inputs",
     None: "not tested",
 }
-NUMERICS = {"grid": "the mesh", "time_step": "the time step"}
 UNKNOWN_EFFECT = "The effect on the flow is not known without the runs pressure and duration."
 
 
@@ -105,7 +104,7 @@ def _incomplete(result: dict[str, Any]) -> str:
     missing = result["missing_runs"]
     if not missing:
         return ""
-    lacks = " and ".join(name for name in missing if name in NUMERICS)
+    lacks = " and ".join(name for name in missing if name in ("grid", "time_step"))
     added = f", and S lacks what {lacks} would change" if lacks else ""
     text = f"Not in u_val, because these runs were not made: {', '.join(missing)}{added}"
     return f"{text}; differences are judged too strictly."
@@ -136,20 +135,7 @@ def _blame_of_flow(result: dict[str, Any], wrong: list[Quantity]) -> str:
         text = "The finger moves as simulated, so the flow model is to blame, not the motion."
     else:
         return "Whether motion or flow model is to blame is not known. " + UNKNOWN_EFFECT
-    excluded = [name for name in NUMERICS if all(_small(q, name) for q in wrong)]
-    left = [text for name, text in NUMERICS.items() if name not in excluded]
-    if not any(s["name"] == "viscosity" for q in wrong for s in q["sources"]):
-        left.append("the viscosity")
-    left += ["the two dimensions of this level"] if result["two_dimensional"] else []
-    if excluded:
-        text += f" The runs exclude {' and '.join(NUMERICS[name] for name in excluded)}."
-    return f"{text} Not excluded: {', '.join([*left, 'terms that the equations leave out'])}."
-
-
-def _small(q: Quantity, source: str) -> bool:
-    """Whether a source is known and its band is below half of the error."""
-    stds = [s["std"] for s in q["sources"] if s["name"] == source]
-    return any(q["k"] * np.linalg.norm(std) < 0.5 * np.linalg.norm(q["error"]) for std in stds)
+    return text
 
 
 def _motion_effect(flow: list[Quantity]) -> str:

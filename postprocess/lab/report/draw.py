@@ -8,42 +8,35 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
+from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure
 
 COLOUR = {"data": THIRD, "virtual": PIV, "direct": CFD}
 NAME = {"data": "laboratory (DPIV)", "virtual": "simulation, seen by the same PIV"}
 NAME["direct"] = "simulation, direct"
 K95 = 1.96
-ROWS = (  # quantity, factor, label
-    ("circulation", 1e4, "circulation, cm²/s"),
-    ("core_radius", MM, "core radius, mm"),
-    ("jet_speed", 1e3, "jet speed, mm/s"),
-)
 
 
 def series(
     table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: tuple[float, float]
 ) -> Figure:
-    """Tip vortex and jet over time with 95 % bands of each instant on both sides."""
-    figure, axes = new_figure(8.8, 8.0, 3, 1, sharex=True, height_ratios=(2, 1, 1))
-    for ax, (name, unit, label) in zip(axes, ROWS, strict=True):
-        instant = quantities[name]["u_instant"]
-        simulated = "virtual" if f"{name}_virtual" in table else "direct"
-        half = {"data": instant["data"][0], simulated: instant["simulation"][0]}
-        for side in ("direct", "virtual", "data"):
-            if f"{name}_{side}" not in table:
-                continue
-            values, time = table[f"{name}_{side}"], table["time"]
-            line = ":" if side == "direct" else "-"
-            ax.plot(time, values * unit, line, color=COLOUR[side], label=NAME[side])
-            if side in half:
-                low, high = ((values + s * K95 * half[side]) * unit for s in (-1, 1))
-                ax.fill_between(time, low, high, color=COLOUR[side], alpha=0.2, lw=0)
-        ax.axvspan(*window, color="#f0e9d8", zorder=0)
-        ax.set_ylabel(label)
-    axes[0].set_title("Tip vortex and jet of the nominal run; bands hold 95 % of each instant")
-    axes[0].legend(loc="best")
-    axes[2].set_xlabel("time of the simulation, s")
+    """Circulation over time with 95 % bands of each instant on both sides."""
+    figure, ax = new_figure(8.8, 4.4)
+    instant, unit = quantities["circulation"]["u_instant"], 1e4
+    simulated = "virtual" if "circulation_virtual" in table else "direct"
+    half = {"data": instant["data"][0], simulated: instant["simulation"][0]}
+    for side in ("direct", "virtual", "data"):
+        if f"circulation_{side}" not in table:
+            continue
+        values, time = table[f"circulation_{side}"], table["time"]
+        line = ":" if side == "direct" else "-"
+        ax.plot(time, values * unit, line, color=COLOUR[side], label=NAME[side])
+        if side in half:
+            low, high = ((values + s * K95 * half[side]) * unit for s in (-1, 1))
+            ax.fill_between(time, low, high, color=COLOUR[side], alpha=0.2, lw=0)
+    ax.axvspan(*window, color="#f0e9d8", zorder=0)
+    ax.set(xlabel="time of the simulation, s", ylabel="circulation, cm²/s")
+    ax.set_title("Tip vortex of the nominal run; bands hold 95 % of each instant")
+    ax.legend(loc="best")
     return figure
 
 

@@ -28,9 +28,7 @@ PICTURE_DPI = 120
 def make_report(files: LabFiles) -> Path:
     """Write figures and report.html; FileNotFoundError where the comparison was not run."""
     if not files.comparison.exists():
-        raise FileNotFoundError(
-            f"{files.comparison} is missing; run python -m postprocess.lab compare first"
-        )
+        raise FileNotFoundError(f"{files.comparison} is missing; run make compare first")
     result = LAB_COMPARISON.read(files.comparison)
     pictures = {n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, result)}
     path = files.folder / "report.html"
@@ -44,7 +42,6 @@ def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]
         title=title,
         result=result,
         answer=answers.answer(result),
-        tiles=wording.tiles(result),
         rows=wording.rows(result),
         pictures=pictures,
         registration=result["registration"],
@@ -72,7 +69,7 @@ def _figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Fig
         read_fields(files.folder / "fields.h5"),
     )
     by_name = {q["name"]: q for q in result["quantities"]}
-    alt = "Circulation, core radius and jet speed over time with 95 % bands"
+    alt = "Circulation over time with 95 % bands"
     yield "series", draw.series(table, by_name, tuple(result["window_s"])), alt
     law = registration.law
     bends = registration.times - law.delay, kinematics.bend(registration.pressures)

@@ -65,16 +65,3 @@ def _row(q: dict[str, Any]) -> dict[str, Any]:
         "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
         "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],
     }
-
-
-def tiles(result: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Key numbers of the first screen."""
-    r, out = result["registration"], []
-    for q in result["quantities"]:
-        if q["name"] in ("final_bend", "circulation", "centre", "velocity_field"):
-            remark = f"{q['verdict']}; u_val {size(q['u_val'], q['unit'])}, mostly {q['dominant']}"
-            out.append((size(q["error"], q["unit"]), f"E of the {q['label']}", remark))
-    delay, scale = f"{r['delay_ms']:.1f}{NBSP}ms", f"{r['scale_m_per_px'] * 1e3:.4f}"
-    bands = f"± {1.96 * r['delay_std_ms']:.1f} ms", f"± {1.96 * r['scale_std_percent']:.2f} %"
-    out.append((delay, "delay of the recording's clock", bands[0]))
-    return [*out, (scale, "scale, mm/px", bands[1])]

@@ -51,10 +51,7 @@ def on_common_grid(
     `options`: seed, threads and quiet.
     """
     if not files.sheet.exists():
-        raise FileNotFoundError(
-            f"{files.sheet} is missing; make compare writes it: python -m pipeline sheet CASE"
-            f" --view $(cat {files.view}) -o {files.sheet}"
-        )
+        raise FileNotFoundError(f"{files.sheet} is missing; run make compare first")
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
@@ -161,7 +158,7 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
     span = float(sheet["time"][0]), float(sheet["time"][-1])
     margin = 0.5 * dpiv.interval
     keep = _enough((times >= span[0] + margin) & (times <= span[1] - margin), times, span)
-    plane, times, scale = plane.isel(time=keep), times[keep], pose.scale_m_per_px
+    plane, times, scale = plane.isel(time=keep), times[keep], pose.pixel
     # the vectors' metres are the stated ones: the pose holds what is known of the true scale
     plane = plane.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale, time=times)
     velocities = (n for n in ("u", "v", "u_std", "v_std") if n in plane)

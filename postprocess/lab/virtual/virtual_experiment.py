@@ -38,7 +38,7 @@ def evaluate(
 ) -> xr.Dataset:
     """PIV of some frames (at `times`, s) masked by the finger's outlines (px), camera frame."""
     assert piv.pairing is not None  # the schema's own check
-    frames = MaskedRecording(recording, indices, times, outlines, pose.scale_m_per_px)
+    frames = MaskedRecording(recording, indices, times, outlines, pose)
     options = Options(
         window=piv.window,
         spacing=piv.spacing,
@@ -69,12 +69,11 @@ def virtual_recording(
     `paired`: each pair of frames 1-2, 3-4 … is seeded anew; else frames are evenly spaced.
     """
     step = float(sheet["x"][1] - sheet["x"][0])
-    scale = pose.scale_m_per_px
     x, y = (
-        np.arange(-RENDER_MARGIN, size * scale + RENDER_MARGIN + step, step)
+        np.arange(-RENDER_MARGIN, size * pose.pixel + RENDER_MARGIN + step, step)
         for size in (camera.width_px, camera.height_px)
     )
-    seen = replace(camera, scale_m_per_px=scale, origin_px=(0.0, 0.0))
+    seen = replace(camera, scale_mm_per_px=pose.scale_mm_per_px, origin_px=(0.0, 0.0))
     dtype = np.uint8 if camera.bits <= 8 else np.uint16
     attrs = {"bits": camera.bits, "seed": seed, "frame_rate_hz": camera.frame_rate_hz}
     parts = times.reshape(-1, 2) if paired else [times]

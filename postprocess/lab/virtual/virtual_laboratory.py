@@ -1,6 +1,6 @@
 """A virtual laboratory: a recording rendered from a run, with known errors of set-up.
 
-It writes recording.h5, dpiv.toml as a laboratory would state it, and truth.json, which nothing else reads.
+It writes recording.h5, a dpiv.toml as of a laboratory, and truth.json, which no code reads.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from postprocess.lab.data.pose import Pose
 from postprocess.lab.virtual.virtual_experiment import virtual_recording
 
 PAIRS_HZ, EXPOSURES_HZ = 100.0, 500.0  # of pairs, and of the two pictures of each
-COLUMNS, SCALE_M_PER_PX = 640, 0.25e-3
 
 
 @dataclass(frozen=True)
@@ -41,11 +40,11 @@ class SetUp:
 
     def pose(self, root: tuple[float, float]) -> Pose:
         """Where the tank frame truly lies in the picture, turned about `root` (m)."""
-        stated = self.camera.scale_m_per_px
         shifted = np.asarray(root) + np.asarray(self.shift_mm) * 1e-3
-        at = np.asarray(self.camera.origin_px) + shifted / stated
+        at = np.asarray(self.camera.origin_px) + shifted / self.camera.pixel
         turn = float(np.radians(self.turn_deg))
-        return Pose(stated * (1 + self.scale_error), turn, root, (at[0], at[1]))
+        scale = self.camera.scale_mm_per_px * (1 + self.scale_error)
+        return Pose(scale, turn, root, (at[0], at[1]))
 
 
 def make_recording(
@@ -98,18 +97,21 @@ def write_dpiv(
     set_up: SetUp, root: tuple[float, float], folder: Path, run: str, pairs_hz: float
 ) -> None:
     """The dpiv.toml that the laboratory would write."""
-    stated = set_up.camera.scale_m_per_px
-    x, y = np.asarray(set_up.camera.origin_px) + np.asarray(root) / stated
-    sheet, interval = set_up.seeding.sheet_thickness * 1e3, 1 / set_up.camera.frame_rate_hz
-    values = {"scale": stated * 1e3, "x": x, "y": y, "sheet": sheet, "interval": interval}
+    camera = set_up.camera
+    x, y = np.asarray(camera.origin_px) + np.asarray(root) / camera.pixel
+    sheet, interval = set_up.seeding.sheet_thickness * 1e3, 1 / camera.frame_rate_hz
+    values = {"scale": camera.scale_mm_per_px, "x": x, "y": y, "sheet": sheet, "interval": interval}
     write_text(folder / "dpiv.toml", TOML.format(run=run, rate=pairs_hz, **values))
 
 
 def camera_for(
-    root: tuple[float, float], columns: int, scale_m_per_px: float, rate: float
+    root: tuple[float, float],
+    columns: int = 640,
+    scale_mm_per_px: float = 0.25,
+    rate: float = EXPOSURES_HZ,
 ) -> Camera:
     """A 5:4 camera that sees a hanging finger from its root to where it bends."""
     rows = columns * 4 // 5
     middle = np.array([root[0] + 0.020, root[1] - 0.055])
-    origin = np.array([(columns - 1) / 2, (rows - 1) / 2]) - middle / scale_m_per_px
-    return Camera(columns, rows, scale_m_per_px, (float(origin[0]), float(origin[1])), rate)
+    origin = np.array([(columns - 1) / 2, (rows - 1) / 2]) - middle / (scale_mm_per_px * 1e-3)
+    return Camera(columns, rows, scale_mm_per_px, (float(origin[0]), float(origin[1])), rate)

@@ -1,4 +1,4 @@
-"""The finger under a moment: linear response, table, masses and volumes against what can be worked out by hand."""
+"""The finger under a moment: linear response, table, masses and volumes by hand."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 from pipeline.fea.cell.bending_law import (
     air,
     bending_law,
-    compliance,
     curvatures,
     rubber,
     stiffness,
@@ -19,24 +18,10 @@ from tests.finger_cell import ACTUATOR, SMALL, shipped_states
 def test_stiffness_is_the_slope_of_curvature_over_moment():
     cell = UnitCell(ACTUATOR, SMALL)
     state = follow(cell, [5e3])[5e3]
-    by_force = compliance(cell, state)
-    # conservative in u and φ (Maxwell), but that the pressure's load turns with the plane: 1e-3 of it was seen
-    assert by_force[0, 1] == pytest.approx(by_force[1, 0], rel=5e-3)
     moments = 1e-6 * np.array([-1.0, 0.0, 1.0])  # 0.002 1/m of curvature: linear to 1e-5
     low, _, high = curvatures(cell, state, moments)
     assert 2e-6 / (high - low) == pytest.approx(stiffness(cell, state)[0], rel=1e-4)
     assert high > low  # a positive moment bends towards the ventral side
-
-
-def test_moment_about_the_neutral_axis_changes_no_length_there():
-    cell = UnitCell(ACTUATOR, SMALL)
-    state = cell.rest()
-    _, height = stiffness(cell, state)
-    turned = cell.solve(state, 0.0, 1e-5)
-    # in a straight finger: u + height sin φ = 0, but for terms of second order in φ = 1e-4
-    assert (
-        abs(turned.plane_shift + height * turned.plane_angle) < 1e-3 * height * turned.plane_angle
-    )
 
 
 def test_volumes_and_masses_at_rest():
@@ -54,7 +39,7 @@ def test_volumes_and_masses_at_rest():
 
 
 def test_table_follows_contact_that_the_stiffness_cannot():
-    """Under suction the walls touch: the finger is much stiffer towards the dorsal side than away from it."""
+    """Under suction the walls touch: the finger is stiffer towards the dorsal side."""
     cell = UnitCell(ACTUATOR, SMALL)
     state = follow(cell, [-2e4])[-2e4]
     law = bending_law(cell, [state], ACTUATOR, (-1.0, 0.0, 1.0))
@@ -64,7 +49,7 @@ def test_table_follows_contact_that_the_stiffness_cannot():
 
 
 def test_shipped_law_is_that_of_the_independent_prototype():
-    """EI (mN m²) and neutral axis (mm) of a separate implementation, given with three digits; both on the same mesh."""
+    """EI (mN m²) and neutral axis (mm) of a separate implementation on the same mesh."""
     shipped = shipped_states()
     assert shipped.law is not None
     table = {
@@ -80,6 +65,6 @@ def test_shipped_law_is_that_of_the_independent_prototype():
         assert 1e3 * shipped.law.neutral_axis[at] == pytest.approx(axis, abs=5e-3)
         assert np.all(np.diff(shipped.law.curvature[at]) > 0)
     assert shipped.law.rubber_section * 0.070 == pytest.approx(20.0e-6, abs=0.05e-6)
-    # roof and channel ± 0.5 mm are worth 16 to 18 % at the ends, a third less as a standard uncertainty of an even distribution
+    # roof and channel ± 0.5 mm are worth 16 to 18 % at the ends
     at = int(np.argmin(np.abs(shipped.pressure)))
     assert 0.1 < shipped.law.stiffness_std[at] / shipped.law.stiffness[at] < 0.3

@@ -1,4 +1,4 @@
-"""Gaps between the chambers of a finger: their area, the clearance in them, and a mesh that follows them to contact."""
+"""Gaps between chambers: their area, the clearance in them, a mesh that follows to contact."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,17 @@ from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.shapes import Strip, rounded_strip, with_chambers
 from pipeline.mesh import stage as mesh
-from pipeline.mesh.planform import own_clearance
-from pipeline.scene.sections import Chambers, Finger
+from pipeline.scene.sections import Chambers
 from tests.conftest import write_scene
 
 LENGTH, HEIGHT = 0.07, 0.0167
-TABLE = "[finger.chambers]\ncount = 8\ngap = 0.002\nfloor = 0.0069\nwedge_from = 0.0095\nwedge_deg = {}\n"
+TABLE = """[finger.chambers]
+count = 8
+gap = 0.002
+floor = 0.0069
+wedge_from = 0.0095
+wedge_deg = {}
+"""
 
 
 def strip(wedge_deg: float) -> Strip:
@@ -36,7 +41,7 @@ def test_seven_gaps_of_the_given_size_are_missing(wedge_deg):
     )  # its corners are rounded by 2 mm
     wedge = HEIGHT - 0.0095
     gap = 0.002 * (HEIGHT - 0.0069) + np.tan(np.radians(wedge_deg)) * wedge**2
-    # corners of 0.7 mm: those at the ground take as much as those at the top give, within a wedge's angle
+    # corners of 0.7 mm: those at the ground take as much as those at the top give
     assert slab - outline.area == pytest.approx(7 * gap, rel=0.02)
     assert outline.exterior.is_ccw
     assert np.ptp(of.s) == pytest.approx(LENGTH, rel=1e-6)  # root, tip and ventral side stay
@@ -49,18 +54,6 @@ def test_a_floor_too_thin_for_the_gaps_rounding_is_refused():
     of = rounded_strip(LENGTH, thickness, s, 0.002, 0.002)
     with pytest.raises(ValueError, match=r"too thin below gaps of 0.004 m.*give more than 0.0028"):
         with_chambers(of, chambers, LENGTH, thickness, s)
-
-
-def test_clearance_in_a_gap_is_half_its_width_and_nowhere_felt_on_the_ventral_side():
-    of = strip(0.0)
-    outline = np.column_stack([of.s, of.eta * HEIGHT])
-    first = 0.009 - 0.002  # where the first gap begins
-    walls = np.array([[first, 0.012], [first + 0.002, 0.012]])
-    found = own_clearance(outline)(np.vstack([walls, [0.035, 0.0]]))
-    assert found[:2] == pytest.approx(
-        0.001, abs=1e-4
-    )  # the nearest point of the outline is up to 0.1 mm away
-    assert found[2] > 0.03  # half the finger's length away along the outline
 
 
 def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):
@@ -88,7 +81,3 @@ def test_chambers_without_walls_between_their_gaps_are_refused(tmp_path):
         StageError, match=r"finger\.chambers: 8 chambers, 9 mm from one to the next"
     ):
         kinematics.kinematics_values(write_scene(tmp_path / "s", "2d", TABLE.format(40.0)))
-
-
-def test_a_smooth_finger_has_the_settings_that_it_had_before_there_were_chambers():
-    assert "chambers" not in Finger(root=(0.0, 0.245)).model_dump(mode="json")

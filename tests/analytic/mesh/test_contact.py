@@ -1,4 +1,4 @@
-"""Contact of a pinch: the gap of shapes, and closing laws that are smooth, monotone and stop at the residual gap."""
+"""Contact of a pinch: the gap of shapes, and laws that stop smoothly at the residual gap."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_the_gap_of_a_square_to_plane_and_circle_is_exact():
     for shape in ("cylinder", "sphere"):
         thing = {"shape": shape, "diameter": 0.01, "centre_height": 0.105}
         pinch = Pinch(half_distance=0.045, object=thing)
-        # nearest to the middle of a side, which is no point of the outline; then to a corner; then the plane itself
+        # nearest to the middle of a side, then to a corner, then to the plane
         assert gap(square(-0.03, 0.1, 0.01), pinch) == pytest.approx(0.015, abs=1e-15)
         corner = gap(square(-0.03, 0.12, 0.01), pinch)
         assert corner == pytest.approx(np.hypot(0.02, 0.015) - 0.005, abs=1e-15)
@@ -56,37 +56,14 @@ def test_the_closing_maps_are_what_they_say(shape):
     x, h = np.linspace(-3, 3, 2401), 1e-5
     for derivative in (1, 2):
         numeric = (shape(x + h, derivative - 1) - shape(x - h, derivative - 1)) / (2 * h)
-        assert numeric == pytest.approx(
-            shape(x, derivative), abs=1e-8
-        )  # h²/6 of a derivative below 100
-    assert (
-        shape(x) >= np.maximum(x, 0)
-    ).all()  # the gap is never smaller than the free one, nor than the residual
+        # h²/6 of a derivative below 100
+        assert numeric == pytest.approx(shape(x, derivative), abs=1e-8)
+    # the gap is never smaller than the free one, nor than the residual
+    assert (shape(x) >= np.maximum(x, 0)).all()
     assert (shape(x, 1) >= 0).all()
     assert shape(x, 1).max() <= 1 + 1e-12
     assert shape(x, 2).max() <= 1 + 1e-12
     assert ramp(np.array([-1.0, -2, 1, 1.5])).tolist() == [0, 0, 1, 1.5]
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_the_law_is_twice_continuously_differentiable(name):
-    _, law = closed(pinch=PINCH.model_copy(update={"closing_law": name}))
-    t = np.linspace(0, 0.64, 1281)
-    for derivative in (1, 2):
-        exact, errors = law(t, derivative), []
-        for h in (4e-6, 2e-6):
-            numeric = (law(t + h, derivative - 1) - law(t - h, derivative - 1)) / (2 * h)
-            errors.append(np.abs(numeric - exact).max() / np.abs(exact).max())
-        # the free law's third derivative jumps at its start (a sample of t): first order there, second elsewhere
-        assert errors[1] < 0.6 * errors[0]
-        assert errors[1] < 1e-3
-    # where the ramp begins and ends the second derivative has no jump: 1 ns apart it differs by rounding only
-    free = law.free(t)
-    for p in (law.hold - law.slowing, law.hold, law.hold + law.slowing):
-        at = np.interp(p, free, t)
-        assert law(at - 1e-9, 2) == pytest.approx(
-            float(law(at + 1e-9, 2)), abs=1e-6 * np.abs(law(t, 2)).max()
-        )
 
 
 @settings(max_examples=50)
@@ -110,23 +87,13 @@ def test_the_gap_closes_monotonically_and_never_below_the_residual(
         assert gaps.min() > residual
     if pressure >= start:
         assert (np.diff(gaps) <= 1e-15).all()
-    # far from contact the law is the free one: to the last bit with the ramp, to the digits of exp(-4 x) otherwise
+    # far from contact the law is the free one: exactly with the ramp, else to exp(-4 x)
     far = (
         0.036 - rate * (free(t) - start) > residual + (1 if name == "ramp" else 8) * slowing + 1e-9
     )
     assert law(t)[far] == pytest.approx(
         free(t)[far], abs=1e-9 if name == "ramp" else 1e-10 * slowing / rate
     )
-
-
-@pytest.mark.parametrize("residual", [2e-3, 1e-3, 0.5e-3])
-def test_the_tips_are_held_exactly_at_the_residual_gap(residual):
-    free, law = closed(pinch=PINCH.model_copy(update={"residual_gap": residual}))
-    assert 0.036 - 2.2e-6 * law.hold == pytest.approx(residual, abs=1e-12)
-    t = np.linspace(0.45, 0.64, 20)
-    assert (free(t) > law.hold + law.slowing).all()
-    assert law(t) == pytest.approx(np.full(20, law.hold), abs=1e-9)
-    assert np.abs(law(t, 1)).max() == 0
 
 
 def test_a_stroke_that_does_not_get_there_is_left_alone():
@@ -177,10 +144,13 @@ def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     assert -left[..., 0].max(axis=1) == pytest.approx(
         np.interp(look, data["time"], data["gap"]), abs=5e-8
     )
-    assert (
-        np.diff(data["gap"]) <= 1e-7
-    ).all()  # the start lies in the root's own corner: 0.3 µm of rounding
-    # the splines that all stages take through the shapes hold the gap to a micrometre between the knots as well
+    # the start lies in the root's own corner: 0.3 µm of rounding
+    assert (np.diff(data["gap"]) <= 1e-7).all()
+    assert data["free_pressure"][-1] == pytest.approx(20e3, rel=1e-3)  # the chambers go on
+    stopped = data["time"] > data["contact_time"]
+    assert np.ptp(data["gap"][stopped]) < 1e-4
+    assert data["pressure"][stopped].max() < 17e3
+    # the splines through the shapes hold the gap to a micrometre between the knots as well
     knots = data["shape_parameter"]
     between = np.concatenate([knots[:-1] + part * np.diff(knots) for part in (0.25, 0.5, 0.75)])
     exact = np.array([motion.outline(p) for p in between])
@@ -188,14 +158,6 @@ def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     splined = gap(CubicSpline(knots, data["shape_outline"])(between), scene.pinch)
     assert np.abs(splined - gap(exact, scene.pinch))[close].max() < 1e-6
     assert np.abs(splined - gap(exact, scene.pinch)).max() < 2e-5
-
-
-def test_the_chambers_go_on_while_the_fingers_are_held(tmp_path):
-    data = kinematics_values(pinch_scene(tmp_path / "s"))
-    assert data["free_pressure"][-1] == pytest.approx(20e3, rel=1e-3)
-    held = data["time"] > data["contact_time"]
-    assert np.ptp(data["gap"][held]) < 1e-4
-    assert data["pressure"][held].max() < 17e3
 
 
 def test_an_opening_stroke_comes_first_where_the_scene_says_so(tmp_path):
@@ -220,23 +182,3 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     distance = np.hypot(fine[:, 0], fine[:, 1] - 0.185).min() - 0.015
     assert distance == pytest.approx(0.5e-3, abs=1e-7)
     assert data["shape_bend"][-1] < np.radians(60)  # sooner than at the plane, 75°
-
-
-def test_a_tapered_tip_meets_sooner_and_as_exactly(tmp_path):
-    tip = "[finger.tip]\nlength = 0.008\nthickness = 0.007\ncorner_radius = 0.001\n"
-    data = kinematics_values(pinch_scene(tmp_path / "s", tip))
-    assert data["shape_gap"][-1] == pytest.approx(0.5e-3, abs=1e-9)
-    assert data["tip_thickness"] == pytest.approx(0.007)
-    assert np.radians(50) < data["shape_bend"][-1] < np.radians(62)  # 74° without
-
-
-def test_a_single_finger_knows_nothing_of_a_gap(tmp_path):
-    data = kinematics_values(write_scene(tmp_path / "s"))
-    assert not {
-        "gap",
-        "shape_gap",
-        "free_pressure",
-        "mirror",
-        "residual_gap",
-        "contact_time",
-    } & set(data)

@@ -30,7 +30,8 @@ def terms_of(mesh, gradient, pressure):
     """Terms of a flow linear in space, with its own values on all boundaries."""
     cells = len(mesh.volume)
     return face_terms(
-        mesh, mesh.cell_centre @ gradient, np.full(cells, pressure), mesh.centre[mesh.inner :] @ gradient,
+        mesh, mesh.cell_centre @ gradient, np.full(cells, pressure),
+        mesh.centre[mesh.inner :] @ gradient,
         np.zeros(len(mesh.faces.owner)), np.full(cells, 2.0), "LUST",
     )  # fmt: skip
 
@@ -38,7 +39,7 @@ def terms_of(mesh, gradient, pressure):
 def test_viscosity_takes_the_square_of_the_gradient(mesh):
     gradient = np.array([[1.0, 3.0, 0.0], [2.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
     loss = terms_of(mesh, gradient, 0.0)["viscous"].sum()
-    # the normal gradient at walls is not corrected where their cells are triangles: 2 % of it in a tank this coarse
+    # the normal gradient at walls is not corrected beside triangles: 2 % here
     assert loss == pytest.approx(2.0 * (gradient**2).sum() * mesh.volume.sum(), rel=0.05)
 
 

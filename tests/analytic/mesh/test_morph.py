@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.geometry.quality import shape_quality
-from pipeline.mesh.morph import Morph, MorphError, _svd, corner_triangles
+from pipeline.mesh.morph import Morph, MorphError, corner_triangles
 from pipeline.mesh.planform import build_planform
 from pipeline.mesh.shape_sequence import ShapeSequence, morph_shapes
 from pipeline.mesh.stage import check_quality
@@ -47,34 +47,27 @@ def morph_of(planform, free_outer=False):
     return Morph(planform.nodes, corner_triangles(planform.triangles, planform.quads), fixed)
 
 
-def test_svd_rebuilds_random_matrices():
-    f = np.random.default_rng(1).normal(size=(500, 2, 2))
-    u, s, v = _svd(f)
-    assert np.einsum("tik,tk,tjk->tij", u, s, v) == pytest.approx(f, abs=1e-14)
-    assert np.einsum("tik,tjk->tij", u, u) == pytest.approx(
-        np.broadcast_to(np.eye(2), f.shape), abs=1e-14
-    )
-
-
-def test_gradient_and_hessian_are_those_of_the_energy(planform):
+@pytest.mark.parametrize("stretch", [1.3, 0.8])
+def test_gradient_and_hessian_are_those_of_the_energy(planform, stretch):
+    """Squeezed to 0.8, triangles are not convex: the made-positive Hessian is another."""
     morph, rng = morph_of(planform), np.random.default_rng(2)
-    # stretched by 1.3 every triangle is convex, so that the made-positive Hessian is the exact one
-    x = 1.3 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
+    x = stretch * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
     d = rng.normal(size=x.shape) * 1e-5
-    gradient, hessian = morph.derivatives(x)
-    assert (hessian != morph.derivatives(x, exact=True)[1]).nnz == 0
+    gradient, positive = morph.derivatives(x)
+    _, hessian = morph.derivatives(x, exact=True)
     h = 1e-3
     numeric = (morph.energy(x + h * d) - morph.energy(x - h * d)) / (2 * h)
-    assert numeric == pytest.approx(
-        gradient @ d.ravel(), rel=1e-6
-    )  # cancellation in an energy of ~1e3
+    # cancellation in an energy of some 1e3
+    assert numeric == pytest.approx(gradient @ d.ravel(), rel=1e-6)
     ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
     curve = d.ravel() @ (ahead - behind) / (2 * h)
-    assert curve == pytest.approx(d.ravel() @ hessian @ d.ravel(), rel=1e-5)
+    exact, made = (d.ravel() @ matrix @ d.ravel() for matrix in (hessian, positive))
+    assert curve == pytest.approx(exact, rel=1e-5)
+    assert made == exact if stretch > 1 else made > exact * (1 + 1e-3)
 
 
 def test_a_rigidly_turned_body_turns_the_whole_mesh_rigidly(planform):
-    """With the tank free as well nothing resists a rotation: the energy stays at its minimum, exactly."""
+    """With the tank free nothing resists a rotation: the energy stays at its minimum."""
     morph = morph_of(planform, free_outer=True)
 
     def turned(angle):
@@ -101,39 +94,6 @@ def test_the_mesh_never_inverts_and_an_impossible_move_says_so(planform):
     assert morph.is_valid(far)
     with pytest.raises(MorphError):  # through the tank's wall
         morph.follow(far, moved, 0.05, 0.1)
-
-
-def test_the_shape_does_not_depend_on_the_way(planform):
-    """The energy's minimum is reached, not merely approached: one step and five steps end alike."""
-    morph = morph_of(planform)
-
-    def moved(q):
-        x = planform.nodes.copy()
-        x[planform.wall] = outline_at(slab(q, (0.2 * q, 0.15)), planform.material)
-        return x
-
-    rest = morph.relax(planform.nodes)
-    once = morph.follow(rest, moved, 0.0, 0.2)
-    often = rest
-    for a, b in zip(np.linspace(0, 0.16, 5), np.linspace(0.04, 0.2, 5), strict=True):
-        often = morph.follow(often, moved, a, b)
-    # Newton's last step leaves about the square of 1e-4 of a cell
-    assert np.abs(once - often).max() < 3e-9  # m
-
-
-def test_the_exact_hessian_is_the_derivative_of_the_gradient_where_triangles_are_squeezed(planform):
-    """Squeezed to 0.8, triangles are not convex: the made-positive Hessian is another, only the exact one follows."""
-    morph, rng = morph_of(planform), np.random.default_rng(3)
-    x = 0.8 * planform.nodes + rng.normal(size=planform.nodes.shape) * 2e-5
-    d = rng.normal(size=x.shape) * 1e-5
-    h = 1e-3
-    ahead, behind = (morph.derivatives(x + k * h * d)[0] for k in (1, -1))
-    curve = d.ravel() @ (ahead - behind) / (2 * h)
-    exact, positive = (
-        d.ravel() @ morph.derivatives(x, exact=e)[1] @ d.ravel() for e in (True, False)
-    )
-    assert curve == pytest.approx(exact, rel=1e-5)
-    assert positive > exact * (1 + 1e-3)
 
 
 def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):

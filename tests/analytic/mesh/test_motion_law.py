@@ -39,10 +39,10 @@ def test_the_law_and_its_derivatives_agree_and_are_continuous(derivative):
     t, h = np.linspace(0.0, 0.6, 601), 1e-6
     numeric = (law(t + h, derivative - 1) - law(t - h, derivative - 1)) / (2 * h)
     exact = law(t, derivative)
-    # the third derivative jumps at a stroke's start: a central difference there is off by h * jump / 4
+    # the third derivative jumps at a stroke's start: the difference is off by h * jump / 4
     assert np.abs(numeric - exact).max() < 1e-3 * np.abs(exact).max()
     starts = np.array([0.05, 0.3])
-    # the third derivative is at most 20 kPa/tau^3 ~ 2e8 Pa/s^3: 2 ns change the second by less than 1 Pa/s^2
+    # the third derivative is some 2e8 Pa/s^3: 2 ns change the second by less than 1 Pa/s^2
     assert law(starts - 1e-9, 2) == pytest.approx(law(starts + 1e-9, 2), abs=2.0)
 
 
@@ -67,13 +67,13 @@ def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
     middle, along, dorsal = f.tip(pressure)
     radius = LENGTH / gamma if gamma else np.inf
     arc = [LENGTH, 0] if not gamma else [radius * np.sin(gamma), radius * (1 - np.cos(gamma))]
-    # origin of the actuator frame: middle of the root, half a thickness dorsal of the profile's start
+    # origin of the actuator frame: half a thickness dorsal of the start of the profile
     expected = (
         np.array(arc)
         + [0, THICKNESS / 2]
         + THICKNESS / 2 * np.array([np.sin(gamma), -np.cos(gamma)])
     )
-    # between states the pieces' angles are interpolated, so that a half-way circle is exact as well
+    # between states the pieces' angles are interpolated: a half-way circle is exact too
     assert middle == pytest.approx(expected, abs=1e-9)
     assert along == pytest.approx([np.cos(gamma), np.sin(gamma)], abs=1e-9)
     assert dorsal == pytest.approx([np.sin(gamma), -np.cos(gamma)], abs=1e-9)

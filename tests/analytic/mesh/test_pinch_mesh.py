@@ -1,4 +1,4 @@
-"""The mesh of a pinch: nodes that slide on the plane between the fingers, exact mirror images, exact volumes of bodies."""
+"""The mesh of a pinch: nodes slide on the plane; exact mirror images and volumes of bodies."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,10 @@ from pipeline.case import build_mesh
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.mesh.fixed_bodies import fixed_bodies, sphere_steps
-from pipeline.mesh.sweep_levels import graded_layers
 from tests.conftest import write_scene
 
-LIMITS = "[mesh]\nmax_non_orthogonality_deg = 85.0\nusual_non_orthogonality_deg = 80.0\n"  # cells of 4 mm: fewer shapes fit
+# cells of 4 mm: fewer shapes fit
+LIMITS = "[mesh]\nmax_non_orthogonality_deg = 85.0\nusual_non_orthogonality_deg = 80.0\n"
 EARLY = "[motion]\nend_time = 0.3\n"  # the tips meet at 0.26 s
 
 
@@ -59,16 +58,8 @@ def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):
     assert slid > 1e-3
 
 
-def test_the_planforms_area_is_the_tanks(quarter):
-    stage = stages_of(quarter)[-1]
-    area = cell_areas(
-        stage["points"].values[-1], stage["triangles"].values, stage["quads"].values
-    ).sum()
-    assert area == pytest.approx(0.3 * 0.3, rel=1e-13)
-
-
 def test_four_cells_or_more_span_the_gap(quarter):
-    """Counted along the shortest line from the wall to the plane, in the shape where the gap is 0.5 mm."""
+    """Along the shortest line from the wall to the plane, where the gap is 0.5 mm."""
     stage = stages_of(quarter)[-1]
     nodes = stage["points"].values[-1]
     wall = nodes[stage["wall"].values]
@@ -106,7 +97,7 @@ def test_both_fingers_are_the_quarter_and_its_mirror_image(quarter, half):
 
 
 def volume(scene, stage):
-    """Volume of the swept mesh in its last shape, from its faces in the levels (m³), and the depth of the sweep (m)."""
+    """Volume of the swept mesh in its last shape (m³), and the depth of the sweep (m)."""
     mesh = build_mesh(stage)
     nodes, levels = stage["points"].values[-1], stage["levels"].values
     areas = cell_areas(nodes, stage["triangles"].values, stage["quads"].values)
@@ -190,36 +181,3 @@ def test_a_support_that_touches_the_finger_is_refused(tmp_path):
         StageError, match=r"support.bottom = 0.2455 m leaves 0.\d+ mm above the finger.*raise it"
     ):
         meshed(tmp_path / "low", more=SUPPORT.replace("0.25", "0.2455"))
-
-
-def test_a_sphere_is_a_pile_of_discs_of_about_its_volume(tmp_path):
-    more = OBJECT.format(shape="sphere", diameter=0.024)
-    scene = write_scene(tmp_path / "ball", "quarter", more, parent="pinch")
-    width, mesh = scene.finger.width, scene.mesh.model_copy(update={"sheet_layer": 1.75e-3})
-    levels = graded_layers("quarter", width, scene.tank.size[2], mesh, None)
-    bodies = fixed_bodies(None, scene.pinch, width, 1.8e-3, levels)
-    assert {body.name for body in bodies} == {"object"}
-    radii = [body.polygon.bounds[2] - body.polygon.bounds[0] for body in bodies]
-    reach = [0.0, *(body.half_width for body in bodies)]
-    assert radii[0] == pytest.approx(0.012)
-    assert (np.diff(radii) < 0).all()
-    pile = sum(np.pi * r**2 * (b - a) for r, a, b in zip(radii, reach[:-1], reach[1:], strict=True))
-    # too much by the middle disc, which is as wide as the sphere; too little by discs smaller than a cell at its poles
-    assert pile == pytest.approx(2 / 3 * np.pi * 0.012**3, rel=0.03)
-
-
-def test_thin_steps_of_a_sphere_are_joined_without_loss():
-    levels = np.linspace(-0.02, 0.0, 41)
-    fine, joined = (sphere_steps(0.01, levels, t) for t in (1e-6, 0.8e-3))
-    assert len(joined) < len(fine)
-    assert (-np.diff([r for r, _ in joined]) >= 0.8e-3).all()
-
-    def pile(steps):
-        reach = [0.0, *(z for _, z in steps)]
-        return sum(
-            r**2 * (b - a) for (r, _), a, b in zip(steps, reach[:-1], reach[1:], strict=True)
-        )
-
-    # what differs is the middle disc, wider than its layers' mean, and the poles
-    assert pile(fine) == pytest.approx(2 / 3 * 0.01**3, rel=1e-2)
-    assert pile(joined) == pytest.approx(2 / 3 * 0.01**3, rel=5e-2)

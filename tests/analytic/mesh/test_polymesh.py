@@ -66,11 +66,3 @@ def test_openfoams_order(tmp_path):
         "back",
         "sheet",
     }
-
-
-def test_columns_are_exact(tmp_path):
-    """Every point lies above or below another of its node: the motion can be copied along z."""
-    scene = prepare(write_scene(tmp_path / "s", "half"))
-    mesh = build_mesh(read_planform(scene.out, 0))
-    back = set(mesh.node[mesh.level == 0])
-    assert set(mesh.node) == back

@@ -1,4 +1,4 @@
-"""Carrying a flow from one swept mesh to another: exact for linear fields, sums kept, second order, energy kept."""
+"""Carrying a flow from one swept mesh to another: sums, order and energy."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ class Moving:
 
 
 def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
-    """The unit square in about count² cells, some of them triangles, with nodes moved a little; the hole's stay."""
+    """The unit square in about count² cells, with some triangles and moved nodes."""
     rng = np.random.default_rng(seed)
     line = np.linspace(0, 1, 4 * count + 1)
     x, y = np.meshgrid(line, line, indexing="ij")
@@ -94,7 +94,7 @@ def test_the_overlaps_fill_the_target(meshes):
 
 
 def test_a_linear_flow_is_carried_exactly(meshes):
-    """Up to rounding: gradients, overlaps and centroids are exact for it, and the walls move with it."""
+    """Up to rounding: gradients, overlaps and centroids are exact, and walls move with it."""
     source, target, overlap = meshes
     values = velocity(centres(source))
     for result in carry(source, target, overlap, values[:, :2], no_slip=True):

@@ -8,8 +8,8 @@ from fileio.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from tests.shared_data import shared_data
 
-# its generator's defaults: circulation 30, core radius 5, centre (64, 192) on 256 points over 0...256, and
-# noise uniform in 0...0.1 on each component
+# its generator's defaults: circulation 30, core radius 5, centre (64, 192) on 256 points over
+# 0...256, and noise uniform in 0...0.1 on each component
 STEP = 256 / 255
 
 
@@ -31,8 +31,7 @@ def test_generated_vortex(model):
     if model != "rankine":
         assert abs(a.circulation - 30) < 3 * a.circulation_std
         assert abs(a.core_radius - 5) < 3 * a.core_radius_std
-        assert (
-            a.circulation_std < 1.8
-        )  # noise of 5 % of the peak swirl, 300 vectors: a few per cent
-    else:  # another profile than the fit's: only the contour knows the circulation, 2 % for noise of 5 % of the peak
+        # noise of 5 % of the peak swirl, 300 vectors: a few per cent
+        assert a.circulation_std < 1.8
+    else:  # not Lamb-Oseen: only the contour gives the circulation, to 2 % with this noise
         assert a.circulation_contour == pytest.approx(30, rel=0.02)

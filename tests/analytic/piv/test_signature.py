@@ -1,4 +1,4 @@
-"""The project's signature test: sheet -> images -> PIV -> vortex equals the vortex taken from the sheet itself."""
+"""Signature test: sheet -> images -> PIV -> vortex equals the vortex of the sheet."""
 
 import h5py
 import numpy as np
@@ -32,7 +32,7 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
         a, b = file["frames"][0], file["frames"][1]
         mask = (file["mask"][0] | file["mask"][1]).astype(bool)
     pair = correlate_pair(a, b, mask=mask)
-    scale = camera.scale_m_per_px
+    scale = camera.pixel
     u, v = (
         np.where(pair["valid"].values != 0, pair[n].values * scale * camera.frame_rate_hz, np.nan)
         for n in ("u", "v")
@@ -41,7 +41,8 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
     seen = find_vortices(make_plane(x, y, u, v))[0]
     with read_plane(tmp_path / "images_truth.h5") as truth:
         known = find_vortices(truth.isel(time=0).load())[0]
-    # allowed to a whole recording: circulation within 5 % and centre within 1.5 mm; one pair of noisy pictures reaches a fifth of that in place
+    # allowed to a whole recording: circulation within 5 % and centre within 1.5 mm; one pair of
+    # noisy pictures reaches a fifth of that in place
     assert seen.circulation == pytest.approx(known.circulation, rel=0.05)
     assert np.hypot(seen.x - known.x, seen.y - known.y) < 0.3e-3
     assert seen.core_radius == pytest.approx(

@@ -1,4 +1,4 @@
-"""The use that matters: one dominant vortex next to a moving finger, alike on a CFD grid and on a PIV grid."""
+"""One dominant vortex next to a moving finger, alike on a CFD and on a PIV grid."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ def test_tip_vortex_is_the_same_on_both_grids(gap, core):
     # the report's own limits: 1.5 mm and 5 % between CFD and PIV; here a fifth of that in place
     assert np.hypot(cfd.x - piv.x, cfd.y - piv.y) < 0.3e-3
     assert piv.circulation == pytest.approx(cfd.circulation, rel=0.05)
-    # against the truth: layers in the disc belong to the vortex' surroundings, wall hides half of it
+    # against the truth: layers in the disc belong to the vortex' surroundings, wall hides half of
+    # it
     assert np.hypot(cfd.x - centre[0], cfd.y - centre[1]) < 0.12 * core
     assert cfd.circulation == pytest.approx(0.01, rel=0.2)
     assert cfd.core_radius == pytest.approx(core, rel=0.12)
@@ -38,7 +39,8 @@ def test_a_young_vortex_at_the_wall_is_not_drawn_into_the_body():
         errors.append([near[0].circulation / circulation - 1, near[0].core_radius / core - 1])
         expected.append([near[0].circulation_std / circulation, near[0].core_radius_std / core])
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
-    # 0.20 and 0.15 without the region's word on the core radius: a wider core, a disc further in the body, more circulation
+    # 0.20 and 0.15 without the region's word on the core radius: a wider core, a disc further in
+    # the body, more circulation
     assert (rms < [0.12, 0.10]).all(), rms
     # standard errors hold the layer's misfit too, which is the same in every realisation
     assert (rms < np.sqrt(np.mean(np.square(expected), axis=0))).all(), expected

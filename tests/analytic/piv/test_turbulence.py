@@ -1,4 +1,4 @@
-"""Planes of three-dimensional turbulence: smoothing that does no harm, windows that follow the flow, honest uncertainty."""
+"""Planes of three-dimensional turbulence: smoothing, window sizes, uncertainty."""
 
 from __future__ import annotations
 
@@ -48,7 +48,12 @@ def test_divergence_has_a_fifth_of_the_mean_square_of_vorticity():
     x, y = np.meshgrid(np.arange(0, 1900, 9.0), np.arange(0, 1500, 9.0))
     h = 0.5
     (ux, vx), (uy, vy) = (
-        [(b - a) / (2 * h) for a, b in zip(plane()(x - i * h, y - j * h), plane()(x + i * h, y + j * h), strict=True)]
+        [
+        (b - a) / (2 * h)
+        for a, b in zip(
+        plane()(x - i * h, y - j * h), plane()(x + i * h, y + j * h), strict=True
+        )
+        ]
         for i, j in ((1, 0), (0, 1))
     )  # fmt: skip
     # 0.2 exactly in the mean; one plane of 2000 px scatters by a few per cent
@@ -72,7 +77,8 @@ def test_a_divergence_as_weak_as_the_noise_is_kept():
     divergence, vorticity = (
         np.sum(a[near] * b[near]) / np.sum(b[near] ** 2) for a, b in zip(seen, exact, strict=True)
     )
-    # asked of whole planes: 0.80, and within 0.1 of vorticity's; the filter of least error keeps 0.68 of this one
+    # asked of whole planes: 0.80, and within 0.1 of vorticity's; the filter of least error keeps
+    # 0.68 of this one
     assert divergence > 0.75
     assert abs(divergence - vorticity) < 0.1
 
@@ -85,13 +91,11 @@ def test_smaller_windows_err_less(noise, gain):
 
 def test_strong_turbulence_is_not_emptied():
     e, _, flag = errors(2.5, 0.01)
-    assert (
-        np.mean(np.isnan(e[0])) < 0.05
-    )  # asked of the whole; 68-75 % with one window and without uncertain vectors
+    # asked of the whole; 68-75 % with one window and without uncertain vectors
+    assert np.mean(np.isnan(e[0])) < 0.05
     assert size(e) < 0.3  # 0.45 px is what peers reach
-    assert (
-        np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02
-    )  # asked; 2.5 % with 0.3 px of uncertainty allowed
+    # asked; 2.5 % with 0.3 px of uncertainty allowed
+    assert np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02
 
 
 @pytest.mark.parametrize("noise, flagged", [(0.01, 0.2), (0.05, 0.35)])
@@ -102,9 +106,8 @@ def test_what_is_computed_of_strong_turbulence_is_the_whole_flow(noise, flagged)
     vorticity = derived(ds, ("vorticity",))["vorticity"]
     alone = derived(ds.drop_vars("flag"), ("vorticity",))["vorticity"]
     assert np.isfinite(vorticity).mean() > 0.9  # 95 and 97 %
-    assert (
-        np.isfinite(alone).mean() < 0.75
-    )  # 68 and 49 %: that far the holes are of uncertain vectors
+    # 68 and 49 %: that far the holes are of uncertain vectors
+    assert np.isfinite(alone).mean() < 0.75
     true = 2.5 * np.array(plane()(*np.meshgrid(ds["x"], ds["y"])))
     rms = np.sqrt(np.mean([ds[n].where(ok).values ** 2 for n in ("u", "v")], where=ok.values))
     assert rms == pytest.approx(

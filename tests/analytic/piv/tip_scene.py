@@ -1,4 +1,4 @@
-"""An analytic tip vortex beside a masked finger, with feeding shear layer and opposite boundary layer."""
+"""An analytic tip vortex beside a masked finger, with feeding and boundary layers."""
 
 import numpy as np
 import xarray as xr
@@ -20,10 +20,11 @@ def tip_scene(
     noise: float = 0.0,
     seed: int = 4,
 ) -> tuple[xr.Dataset, tuple[float, float]]:
-    """Plane (m, m/s) with grid spacing `step`, and the vortex centre `gap` core radii off the finger's side.
+    """Plane (m, m/s) of grid spacing `step`; the vortex is `gap` core radii off the finger.
 
-    Feeding layer: 35 % of the circulation spread along a curve from the tip; boundary layer: -30 % along the side.
-    `blur` (standard deviation, m) and correlated `noise` (m/s) make it PIV-like; vectors at the wall are then absent.
+    Feeding layer: 35 % of the circulation spread along a curve from the tip; boundary layer: -30 %
+    along the side. `blur` (standard deviation, m) and correlated `noise` (m/s) make it PIV-like;
+    vectors at the wall are then absent.
     """
     x, y = np.arange(-0.06, 0.06 + step / 2, step), np.arange(-0.05, 0.05 + step / 2, step)
     xx, yy = np.meshgrid(x, y)
@@ -68,11 +69,12 @@ def young_scene(
     noise: float = 0.0,
     seed: int = 0,
 ) -> tuple[xr.Dataset, float, float]:
-    """Plane (m, m/s) of a vortex that has hardly left the wall x = 0, its circulation with its layer's, its core radius.
+    """Plane (m, m/s) of a vortex near the wall x = 0, its circulation with layer, its core radius.
 
-    The centre is `gap` core radii off the wall, a tenth: the body hides nearly half of it; along the wall lies the
-    layer that feeds it, `layer_part` of its circulation. `hidden` (m): vectors nearer to the wall are absent, as in PIV;
-    `noise` (m/s), correlated as windows that overlap, twice as large at the wall; `seed` also shifts the grid.
+    The centre is `gap` core radii off the wall, a tenth: the body hides nearly half of it; along
+    the wall lies the layer that feeds it, `layer_part` of its circulation. `hidden` (m): vectors
+    nearer to the wall are absent, as in PIV; `noise` (m/s), correlated as windows that overlap,
+    twice as large at the wall; `seed` also shifts the grid.
     """
     circulation = 5e-3 * core / 2.4e-3
     shift = seed * 1e-4  # the grid lies anyhow to the vortex

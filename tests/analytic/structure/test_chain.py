@@ -1,6 +1,5 @@
-"""The elastic chain against beams that can be worked out: elastica, frequencies in vacuum and water, energy, and its limits."""
+"""The elastic chain against beams in closed form: elastica, frequencies, energy."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ def straight(pieces=124, **law):
 
 
 def elastica(alpha):
-    """Rotation of the end, and its place over the length, of a beam under a dead load across it; alpha = F L²/EI."""
+    """Rotation and place (over the length) of a loaded beam's end; alpha = F L²/EI."""
 
     def shot(curvature):
         return solve_ivp(
@@ -37,7 +36,7 @@ def elastica(alpha):
 
 @pytest.mark.parametrize("alpha", [0.1, 1.0, 3.0])
 def test_elastica_with_a_load_at_its_end(alpha):
-    """The weight of the last slice alone, at its middle; 1 %: the error of 31 slices is of second order, 0.1 %."""
+    """The weight of the last slice alone; 1 %: 31 slices leave 0.1 %, of second order."""
     chain = straight()
     length = LENGTH - 0.5 * chain.lengths[-1]
     weight = np.zeros(chain.slices)
@@ -60,30 +59,20 @@ def test_without_load_it_is_the_shape_of_the_bending_analysis():
 
 
 def test_joints_and_profile_agree_under_load():
-    """The chain of rigid slices and the smooth profile are the same motion: within what a slice's own turn allows."""
+    """Rigid slices and smooth profile are the same motion, within a slice's own turn."""
     chain = Chain(STATES, STATES.law, STATES.width)
     delta = np.linspace(0, 0.5, chain.slices)[None]  # 29° in all, 1° from slice to slice
     pressure = np.array([2e4])
     line = chain.profile(pressure, delta)[0]
     joint = placed(chain.unloaded(pressure), 0, delta[0]).joint[-1]
     away = abs(complex(*line[-1]) - joint) - np.interp(2e4, chain.pressure, chain.law.neutral_axis)
-    assert (
-        abs(away) < 2e-4
-    )  # m; half a slice's turn over half its length is 2e-5, summed over 30 slices
+    # m; half a slice's turn over half its length is 2e-5, summed over 30 slices
+    assert abs(away) < 2e-4
 
 
 def stroke(duration=0.2, step=1e-3, end=0.25):
     time = step * np.arange(round(end / step) + 1)
     return time, stroke_law(0.0, [(20e3, 0.005, duration)])(time)
-
-
-def test_very_stiff_finger_moves_as_prescribed():
-    law = replace(STATES.law, stiffness=1e3 * STATES.law.stiffness, moment=1e3 * STATES.law.moment)
-    chain = Chain(STATES, law, STATES.width)
-    time, pressure = stroke()
-    around = Surroundings(9.81, 998.2, 0.87, 2.2, 0.004)
-    delta = motion(chain, pressure, time[1], around, np.zeros((len(time), chain.slices, 3)))
-    assert np.degrees(np.abs(delta).max()) < 0.1
 
 
 def period(time, signal):
@@ -104,23 +93,17 @@ def mode(chain, number):
 
 @pytest.mark.parametrize("number, factor", [(0, 1.875104), (1, 4.694091)])
 def test_frequencies_in_vacuum_are_those_of_a_beam(number, factor):
-    """Euler–Bernoulli; 1 %: fifteen slices and 60 steps a period leave 0.5 % (second order in both)."""
+    """Euler–Bernoulli; 1 %: fifteen slices and 60 steps a period leave 0.5 %."""
     chain = straight(60, rubber_mass=MASS)
     wanted = 2 * np.pi / (factor / LENGTH) ** 2 * np.sqrt(MASS / EI)
     time = wanted / 60 * np.arange(181)
-    delta = motion(
-        chain,
-        0 * time,
-        time[1],
-        Surroundings(),
-        np.zeros((181, chain.slices, 3)),
-        mode(chain, number),
-    )
+    loads = np.zeros((181, chain.slices, 3))
+    delta = motion(chain, 0 * time, time[1], Surroundings(), loads, mode(chain, number))
     assert period(time, delta[:, -1]) == pytest.approx(wanted, rel=0.01)
 
 
 def test_first_frequency_in_water_is_that_of_chu():
-    """f/f0 = (1 + π ρ W / 4 ρc h)^(−1/2) of a thin plate that vibrates in water, Chu (1963) as in Sader, J. Appl. Phys. 84 (1998) 64."""
+    """f/f0 = (1 + π ρ W / 4 ρc h)^(−1/2): Chu (1963) as in Sader, J. Appl. Phys. 84 (1998) 64."""
     chain = straight(60, rubber_mass=MASS)
     dry = 2 * np.pi / (1.875104 / LENGTH) ** 2 * np.sqrt(MASS / EI)
     wanted = dry * np.sqrt(1 + np.pi * 998.2 * WIDTH**2 / 4 / MASS)
@@ -134,7 +117,7 @@ def test_first_frequency_in_water_is_that_of_chu():
 
 @pytest.mark.parametrize("prescribed", [False, True])
 def test_energy_closes(prescribed):
-    """Work of the pressure, weight and water against elastic and kinetic energy and damping, at every time."""
+    """Work of pressure, weight and water against elastic, kinetic energy and damping."""
     chain = Chain(STATES, STATES.law, STATES.width)
     time, pressure = stroke(0.4, 0.5e-3, 0.3)
     step = time[1]
@@ -149,14 +132,3 @@ def test_energy_closes(prescribed):
     assert parts["pressure_work"][-1] > 0
     assert parts["water_work"][-1] < 0
     assert (np.abs(parts["elastic_energy"]).max() > 0) != prescribed
-
-
-def test_free_vibration_keeps_its_energy():
-    """2 % of numerical damping over three periods of 200 steps."""
-    chain = straight(60, rubber_mass=MASS)
-    dry = 2 * np.pi / (1.875104 / LENGTH) ** 2 * np.sqrt(MASS / EI)
-    time = dry / 200 * np.arange(601)
-    delta = motion(
-        chain, 0 * time, time[1], Surroundings(), np.zeros((601, chain.slices, 3)), mode(chain, 0)
-    )
-    assert np.abs(delta[400:, -1]).max() ** 2 == pytest.approx(delta[0, -1] ** 2, rel=0.02)

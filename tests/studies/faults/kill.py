@@ -9,9 +9,12 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from fileio.record import record_path
+from pipeline.runs.run import targets
+from pipeline.runs.stages import BY_NAME
 from tests.studies.faults.project import (
-    PRODUCTS,
     SCENE,
+    TARGETS,
     compare_stages,
     kill,
     make,
@@ -33,29 +36,29 @@ Row = dict[str, object]
 
 
 def undo(project: Path, stage: str) -> None:
-    """Remove the files of a stage."""
-    for name in (*PRODUCTS[stage], *LEFTOVERS.get(stage, ())):
-        path = out_of(project) / name
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+    """Remove the files of a target."""
+    out, left = out_of(project), LEFTOVERS.get(stage, ())
+    for step in targets(stage):
+        record_path(out, step).unlink(missing_ok=True)
+        for path in [path for name in (*BY_NAME[step].outputs, *left) for path in out.glob(name)]:
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
     if stage == "run":  # a new case, without the solver's files
         done = make(project, f"{SCENE}.case")
         assert done.returncode == 0, done.stderr
 
 
 def undisturbed(project: Path, wanted: Path) -> dict[str, float]:
-    """Run every stage, copy its files to `wanted`; the duration (s) of each."""
-    out, durations = out_of(project), {}
-    for stage, names in PRODUCTS.items():
+    """Run every stage and copy their files to `wanted`; the duration (s) of each."""
+    durations = {}
+    for stage in TARGETS:
         begin = time.monotonic()
         done = make(project, f"{SCENE}.{stage}")
         assert done.returncode == 0, done.stderr[-2000:]
         durations[stage] = time.monotonic() - begin
-        for name in names:
-            (wanted / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(out / name, wanted / name)
+    shutil.copytree(out_of(project), wanted)
     return durations
 
 

@@ -13,8 +13,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from fileio.stages import BY_NAME, STAGES
 
+from fileio.record import read_record
+from pipeline.runs.run import targets
+from pipeline.runs.stages import STAGES
 from tests.inner_make import inner_environment
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -44,11 +46,7 @@ near_distance = 0.01
 far_cell = 0.05
 """
 
-# Files of each target, in the order of the chain; the flow shows whether the case is right.
-PRODUCTS: dict[str, tuple[str, ...]] = {}
-for _stage in STAGES:
-    outputs = tuple(name for name in _stage.outputs if name != "case")
-    PRODUCTS[_stage.target] = PRODUCTS.get(_stage.target, ()) + outputs
+TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # of make, in order
 SPENT = ("wall_time", "resumed")  # numbers of a run that a resumed one does not repeat
 
 
@@ -73,10 +71,17 @@ def out_of(project: Path) -> Path:
     return project / "cases" / SCENE / "out" / LEVEL
 
 
+def files_of(out: Path, target: str) -> list[str]:
+    """Names of the files of a target; the flow shows whether the case is right."""
+    records = [read_record(out, stage) for stage in targets(target)]
+    names = [name for record in records if record for name in record["outputs"]]
+    return [name for name in names if name.split("/")[0] != "case"]
+
+
 def command(target: str) -> list[str]:
     """The make of a target on one rank, without set-up."""
     make = shutil.which("make") or "make"
-    options = ("--no-print-directory", f"LEVEL={LEVEL}", "NP=1", "QUIET=1", "READY=Makefile")
+    options = ("--no-print-directory", f"LEVEL={LEVEL}", "NP=1", "QUIET=1")
     return [make, *options, target]
 
 
@@ -124,10 +129,9 @@ def _works_in(process: Path, project: Path) -> bool:
 
 
 def complaints(text: str) -> list[str]:
-    """Lines of a make's output that a stage wrote, `<stage>: sentence`, or a refusal of make."""
-    stages = "|".join(["settings", "piv \\w+", *BY_NAME])
-    refusal = r"Makefile:\d+: \*\*\* .*  Stop\.$"
-    return [line for line in text.splitlines() if re.match(rf"({stages}): |{refusal}", line)]
+    """Lines that a make has written of a failure, but for those of make itself."""
+    own = re.compile(r"make\S*: \*\*\* .* Error [12]$")
+    return [line for line in text.splitlines() if line.strip() and not own.match(line)]
 
 
 def _difference(one: Path, other: Path) -> str | None:
@@ -173,5 +177,5 @@ def _difference_hdf5(one: Path, other: Path) -> str | None:
 
 def compare_stages(stages: list[str], wanted: Path, folder: Path) -> str | None:
     """The first difference in the files of some stages; None where there is none."""
-    names = [name for stage in stages for name in PRODUCTS[stage]]
+    names = [name for stage in stages for name in files_of(wanted, stage)]
     return next((d for name in names if (d := _difference(wanted / name, folder / name))), None)

@@ -20,13 +20,13 @@ from typing import Any
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from pipeline.stage_settings import update_settings
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from pipeline.kinematics import stage as kinematics
+from pipeline.runs.make import SETTINGS
 from pipeline.scene.limits import MAX_CELLS, MAX_CPU, MAX_DISK
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
@@ -135,7 +135,7 @@ def _scene_text(parent: str, table: Table) -> str:
 
 
 def _outcome(text: str, folder: Path) -> str:
-    """`accepted`, `warned` or `refused` at level smoke by settings and kinematics.
+    """`accepted`, `warned` or `refused` at level smoke by its numbers and kinematics.
 
     AssertionError where the scene is too large, too slow, or ends in another way.
     """
@@ -145,7 +145,8 @@ def _outcome(text: str, folder: Path) -> str:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             scene = load_scene(folder, "smoke")
-            update_settings(scene, quiet=True)
+            for settings_of in SETTINGS.values():
+                settings_of(scene)
             kinematics.run(scene, quiet=True)
         size, sentences = predicted(scene), scene.remarks()
         assert size.cells <= MAX_CELLS, size

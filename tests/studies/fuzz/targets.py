@@ -37,7 +37,7 @@ STAGE = (StageError, OSError)  # so does the pipeline with these
 LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
 PIXELS = {
-    "length_unit": "px", "velocity_unit": "px/frame", "y_axis": "down", "scale_m_per_px": 1e-4,
+    "length_unit": "px", "velocity_unit": "px/frame", "y_axis": "down", "scale_mm_per_px": 0.1,
     "interval_s": 0.002, "image_rows": 64,
 }  # fmt: skip
 METRES = {"length_unit": "m", "velocity_unit": "m/s", "y_axis": "up"}
@@ -161,7 +161,7 @@ def recording_seeds(folder: Path) -> list[bytes]:
     recordings = []
     for masked in (False, True):
         path = folder / f"r{masked}.h5"
-        attrs = {"frame_rate_hz": 500.0, "scale_m_per_px": 1e-4, "origin_x_px": 3.0, "bits": 8}
+        attrs = {"frame_rate_hz": 500.0, "scale_mm_per_px": 0.1, "origin_x_px": 3.0, "bits": 8}
         with RecordingWriter(path, (ROWS, COLUMNS), np.uint8, 2, attrs, mask=masked) as writer:
             for k in range(2):
                 writer.write(k, picture(), picture() > 200 if masked else None)
@@ -179,7 +179,7 @@ POLYGONS = b"x,y\n2,2\n20,2\n20,12\n2,12\n", b"2 2\n20 2\n20 12\n", b"# body\n1,
 
 def use_vectors(path: Path) -> None:
     """Read all vectors of a file."""
-    of_davis = {k: PIXELS[k] for k in ("interval_s", "scale_m_per_px", "image_rows")}
+    of_davis = {k: PIXELS[k] for k in ("interval_s", "scale_mm_per_px", "image_rows")}
     own: dict[str, Any] = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}}
     options = (own | {".vc7": of_davis}).get(path.suffix, PIXELS)
     with read_vectors([path], **(METRES if path.name == "vectors.txt" else options)) as plane:
@@ -337,7 +337,7 @@ def use_calibration(path: Path) -> None:
 
 
 CALIBRATION = (
-    b'{"format": "piv-calibration", "format_version": 1, "scale_m_per_px": 1e-4,'
+    b'{"format": "piv-calibration", "format_version": 1, "scale_mm_per_px": 0.1,'
     b' "origin_x_px": 3.0, "origin_y_px": 2.0'
 )
 LENS = (

@@ -1,8 +1,8 @@
-"""Accuracy and speed of piv.correlation.pair against its peers: python -m tests.studies.piv.benchmark [--seeds N] [--docs].
+"""Accuracy and speed of the pair correlation against its peers (make bench-piv).
 
-Flows are rendered with seeds that served no tuning (tuning used seeds below 100). CPU seconds of one core; RMS errors are
-per component over the vectors at least 24 px from the edge that every method gives. --docs writes the tables into
-docs/piv_benchmarks.md.
+Flows are rendered with seeds that served no tuning (tuning used seeds below 100). CPU seconds of
+one core; RMS errors are per component over the vectors at least 24 px from the edge that every
+method gives. --docs writes the tables into docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ def tables(results: dict, seeds: list[int]) -> str:
     seconds = {n: float(np.median([p.seconds for p in pairs_of[n]])) for n in names}
     vectors = {n: pairs_of[n][0].vectors for n in names}
     lines = [
-        "RMS error per component, px (after the slash: in the core), where every method gives a vector",
+        "RMS error per component, px (after the slash: in the core), where every method gives a "
+        "vector",
         "",
         "| flow | " + " | ".join(names) + " |",
         "|---" * (len(names) + 1) + "|",
@@ -91,13 +92,21 @@ def tables(results: dict, seeds: list[int]) -> str:
     totals = {n: np.exp(np.mean([np.log(score[n][c]) for c in CASES])) for n in names}
     top = min(openpiv, key=lambda n: totals[n])
     worse = [c for c in CASES if score[OURS][c] > best[c]]
-    peer_time = {"OpenPIV at 8 px": min(seconds[n] for n in openpiv if vectors[n] > 15000),
-                 "PIVtools": min(seconds[n] for n in names if n.startswith("PIVtools"))}  # fmt: skip
-    lines += ["", f"- Geometric mean of the errors against {top}, the best OpenPIV configuration: {totals[top] / totals[OURS]:.2f}×; "
-              f"against the best of each flow over all OpenPIV configurations: "
-              f"{np.exp(np.mean([np.log(min(score[n][c] for n in openpiv) / score[OURS][c]) for c in CASES])):.2f}×.",
-              f"- Worse than the best peer: {', '.join(worse) or 'in no flow'}.",
-              "- Speed (CPU time, same run): " + ", ".join(f"{t / seconds[OURS]:.1f}× {n}" for n, t in peer_time.items()) + "."]  # fmt: skip
+    each = [min(score[n][c] for n in openpiv) / score[OURS][c] for c in CASES]
+    peer_time = {
+        "OpenPIV at 8 px": min(seconds[n] for n in openpiv if vectors[n] > 15000),
+        "PIVtools": min(seconds[n] for n in names if n.startswith("PIVtools")),
+    }
+    lines += [
+        "",
+        f"- Geometric mean of the errors against {top}, the best OpenPIV configuration: "
+        f"{totals[top] / totals[OURS]:.2f}×; against the best of each flow over all OpenPIV "
+        f"configurations: {np.exp(np.mean(np.log(each))):.2f}×.",
+        f"- Worse than the best peer: {', '.join(worse) or 'in no flow'}.",
+        "- Speed (CPU time, same run): "
+        + ", ".join(f"{t / seconds[OURS]:.1f}× {n}" for n, t in peer_time.items())
+        + ".",
+    ]
     lines += ["", f"| flow | {TOLD}", "|---" * 5 + "|"]
     lines += [f"| {c} | {told(results[OURS][c])}" for c in CASES]
     return "\n".join([*lines, "", f"Seeds {seeds[0]}-{seeds[-1]}; {machine()}."])

@@ -1,6 +1,7 @@
-"""What a large pair and a plane of many vortices cost: python -m tests.studies.piv.costs [--docs]   (make bench-piv).
+"""Costs of a large pair and of a plane of many vortices (make bench-piv).
 
-CPU time, which other programs on the machine hardly change. --docs writes the figures into docs/piv_benchmarks.md.
+CPU time, which other programs on the machine hardly change. --docs writes the figures into
+docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -52,18 +53,22 @@ def large_pair() -> str:
         subprocess.run(command, check=True)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return (
-        f"- `piv correlate` of a pair of {np.prod(LARGE) / 1e6:.0f} Mpx, one thread: {used.ru_maxrss / 2**20:.2f} GB at most "
+        f"- `piv correlate` of a pair of {np.prod(LARGE) / 1e6:.0f} Mpx, one thread: "
+        f"{used.ru_maxrss / 2**20:.2f} GB at most "
         f"(2 allowed), {used.ru_utime + used.ru_stime:.0f} CPU s."
     )
 
 
 def turbulent_vortices() -> str:
-    """Time of finding and fitting the vortices of a plane of 100 x 100 vectors of turbulence, as PIV gives them."""
+    """Time of finding and fitting the vortices of 100 x 100 vectors of turbulence."""
     seconds, found = [], []
     for seed in SEEDS:
         plane = TurbulentPlane(1.0, seed)
         for rms in STRENGTHS:
-            flow = lambda x, y, rms=rms, plane=plane: tuple(rms * d for d in plane(x, y, 3))  # noqa: E731
+
+            def flow(x, y, rms=rms, plane=plane):
+                return tuple(rms * d for d in plane(x, y, 3))
+
             field = correlate_pair(*render(flow, shape=(SIDE, SIDE), seed=seed, noise=0.05))
             if not seconds:
                 find_vortices(field)  # compiled by then
@@ -71,8 +76,11 @@ def turbulent_vortices() -> str:
             found.append(len(find_vortices(field)))
             seconds.append(time.process_time() - start)
     return (
-        f"- Vortices of {field.sizes['x']} × {field.sizes['y']} vectors of turbulence of {STRENGTHS[0]} and {STRENGTHS[1]} px, 5 % noise, {min(found)} to {max(found)} in a plane: "
-        f"{np.percentile(seconds, 95):.2f} CPU s at the 95th percentile of {len(seconds)} planes (2 allowed), median {np.median(seconds):.2f}."
+        f"- Vortices of {field.sizes['x']} × {field.sizes['y']} vectors of turbulence of "
+        f"{STRENGTHS[0]} and {STRENGTHS[1]} px, 5 % noise, {min(found)} to {max(found)} in a "
+        "plane: "
+        f"{np.percentile(seconds, 95):.2f} CPU s at the 95th percentile of {len(seconds)} planes "
+        f"(2 allowed), median {np.median(seconds):.2f}."
     )
 
 

@@ -1,8 +1,7 @@
-"""Further figures of the benchmark: peak locking, vortex fit, five frames against two, threads, noise bound, rendering."""
+"""Further figures of the benchmark: bias, vortex fit, five frames, threads, rendering."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import tempfile
 import time
@@ -23,7 +22,6 @@ from tests.studies.piv.rendering import rendering
 
 SETS = 96  # pairs of the sequence
 TURN = 24  # after so many pairs its motion turns
-FORK = multiprocessing.get_context("fork")
 TRIES = 3  # of each number of threads: other programs only ever make one slower
 
 
@@ -59,7 +57,8 @@ def noise_bound() -> str:
         ds = correlate_pair(a, b, smoothing=smoothing).sel(x=slice(24, 1255), y=slice(24, 999))
         out.append(float(np.sqrt(np.nanmean([(ds["u"] - 4.63) ** 2, (ds["v"] + 2.28) ** 2]))))
     return (
-        f"- Uniform shift, 5 % noise: {out[0]:.4f} px, {out[1]:.4f} px without smoothing; the Cramér-Rao bound of a "
+        f"- Uniform shift, 5 % noise: {out[0]:.4f} px, {out[1]:.4f} px without smoothing; the "
+        "Cramér-Rao bound of a "
         f"32 × 32 px window in these images is {bound:.4f} px."
     )
 
@@ -87,13 +86,14 @@ def vortex_fit() -> str:
         )
     centre, gamma, radius = np.sqrt(np.mean(np.square(rows), axis=0))
     return (
-        f"- Vortex fit of noisy PIV (r_c = 40 px, neighbour, shear, drift; RMS of {len(rows)} pairs): centre {centre:.3f} px, "
+        f"- Vortex fit of noisy PIV (r_c = 40 px, neighbour, shear, drift; RMS of {len(rows)} "
+        f"pairs): centre {centre:.3f} px, "
         f"circulation {gamma:.2%}, core radius {radius:.2%}."
     )
 
 
 def five_frames() -> str:
-    """RMS of the five-frame mode against pairs, in a steady vortex (curved paths) and a uniform flow."""
+    """RMS of the five-frame mode against pairs, in a steady vortex and a uniform flow."""
     flow = lamb_oseen(40, 6)
 
     def path(x, y, t):
@@ -117,7 +117,7 @@ def five_frames() -> str:
 
 
 def threads() -> str:
-    """Wall time of a sequence on one core and on two: two threads, two processes with half of it each, one thread as it is."""
+    """Wall time of a sequence on one core and on two."""
     cores = sorted(os.sched_getaffinity(0))
     frames = render(
         uniform(3.1, 1.3), seed=1500, noise=0.05, frames=range(-TURN // 2, TURN // 2 + 1)
@@ -129,24 +129,18 @@ def threads() -> str:
         for k in range(SETS + 1):
             cv2.imwrite(str(folder / f"{k:03d}.tif"), frames[abs((k + TURN) % (2 * TURN) - TURN)])
 
-        def fields(used: list[int], threads: int, chunk: tuple[int, int] | None = None) -> None:
+        def fields(used: list[int], threads: int) -> None:
             os.sched_setaffinity(0, set(used))
-            output = folder / f"{chunk}.h5"
+            output = folder / "vectors.h5"
             with open_recording(folder) as recording:
-                correlate_recording(
-                    recording, output, Options(), SequenceOptions(threads=threads), chunk=chunk
-                )
+                correlate_recording(recording, output, Options(), SequenceOptions(threads=threads))
             output.unlink()
 
-        def two_processes() -> None:
-            halves = [FORK.Process(target=fields, args=([cores[k]], 1, (k + 1, 2))) for k in (0, 1)]
-            for half in halves:
-                half.start()
-            for half in halves:
-                half.join()
-
-        ways = {"one core": lambda: fields(cores[:1], 1), "two threads": lambda: fields(cores[:2], 2),
-                "two processes": two_processes, "one thread": lambda: fields(cores[:2], 1)}  # fmt: skip
+        ways = {
+            "one core": lambda: fields(cores[:1], 1),
+            "two threads": lambda: fields(cores[:2], 2),
+            "one thread": lambda: fields(cores[:2], 1),
+        }
         for way, run in list(ways.items()) * TRIES:
             start = time.perf_counter()
             run()
@@ -155,10 +149,11 @@ def threads() -> str:
     gain = {way: wall["one core"] / seconds for way, seconds in wall.items()}
     load = os.getloadavg()[0]
     return (
-        f"- Two threads on two cores against one on one core, sequence of {SETS} pairs with reading and writing, each the best of {TRIES}: {gain['two threads']:.2f}×; "
-        f"two processes with half of it each (`--chunk`, without their start) {gain['two processes']:.2f}×, "
+        f"- Two threads on two cores against one on one core, sequence of {SETS} pairs with "
+        f"reading and writing, each the best of {TRIES}: {gain['two threads']:.2f}×; "
         f"one thread where a second core reads and writes for it {gain['one thread']:.2f}× "
-        f"({SETS / wall['two threads']:.1f} pairs/s with two threads; load of the machine: {load:.1f} of {os.cpu_count()} cores)."
+        f"({SETS / wall['two threads']:.1f} pairs/s with two threads; load of the machine: "
+        f"{load:.1f} of {os.cpu_count()} cores)."
     )
 
 

@@ -64,7 +64,7 @@ def cylinder(radius: float, speed: float):
 
 
 def random_field(seed: int, *, divergent: bool, rms: float = 1.5, waves: int = 60):
-    """Sum of random waves of 45 to 300 px; longitudinal ones as well as transverse ones where it is divergent."""
+    """Random waves of 45 to 300 px; where divergent, longitudinal and transverse ones."""
     rng = np.random.default_rng(seed)
     k = np.exp(rng.uniform(np.log(1 / 300), np.log(1 / 45), waves))
     angle, phase = rng.uniform(0, 2 * np.pi, (2, waves))

@@ -1,7 +1,7 @@
-"""PIV where it becomes worse: short waves, few particles, divergence, other windows, extremes, walls, edges, real pictures.
+"""PIV where it becomes worse: short waves, few particles, walls, edges, real pictures.
 
-python -m tests.studies.piv.limits [--docs]   (make piv-limits)
-Own results only, seeds 3101 and up, which served no tuning; --docs writes them into docs/piv_benchmarks.md.
+python -m tests.studies.piv.limits [--docs]   (make piv-limits) Own results only, seeds 3101 and up,
+which served no tuning; --docs writes them into docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -113,10 +113,11 @@ def table() -> str:
 
 
 def extremes(first: int) -> str:
-    """Markdown table of pictures of docs/stability.md that a limit of uncertainty decides on; seeds from `first`."""
+    """Markdown table of pictures of docs/stability.md at the limit; seeds from `first`."""
     rows, columns = images.SHAPE
     lines = [
-        f"| pictures of {columns} × {rows} px (docs/stability.md) | preset | pairs | called valid | of those wrong by over {images.WRONG_PX} px "
+        f"| pictures of {columns} × {rows} px (docs/stability.md) | preset | pairs | called valid "
+        f"| of those wrong by over {images.WRONG_PX} px "
         f"| in the worst pair | pairs over {images.MAX_UNFLAGGED:.0%} |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -130,14 +131,15 @@ def extremes(first: int) -> str:
         # of other particles all that are valid are wrong, and counted as a share of all vectors
         mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)
         lines.append(
-            f"| {label} | {preset} | {EXTREMES} | {valid.mean():.1%} | {mean:.1%} | {wrong.max():.1%} "
+            f"| {label} | {preset} | {EXTREMES} | {valid.mean():.1%} | {mean:.1%} | "
+            f"{wrong.max():.1%} "
             f"| {np.sum(wrong > images.MAX_UNFLAGGED)} |"
         )
     return "\n".join(lines)
 
 
 def valid_share(a, b, limited: bool) -> float:
-    """Share of the vectors called valid, with the limit on uncertainty and the count of cells or without both."""
+    """Share of valid vectors, with the uncertainty limit and the count of cells or without."""
     if limited:
         return float(correlate_pair(a, b)["valid"].mean())
     with without_count_of_cells():
@@ -145,7 +147,7 @@ def valid_share(a, b, limited: bool) -> float:
 
 
 def real_pictures() -> str:
-    """A line of Markdown: public pairs of real pictures, what share is called valid, and what it costs not to call wrong ones so."""
+    """A line of Markdown: share of valid vectors in public pairs of real pictures."""
     data, shares = shared_data(), []
     for label, files in REAL.items():
         name, *numbers = files.split()

@@ -1,4 +1,4 @@
-"""Noise of the vectors: what smoothing takes off it, how far it reaches, what it is at the edges; and the sampling kernel."""
+"""Noise of the vectors with and without smoothing, its reach, and the sampling kernel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WINDOW = 32
 
 
 def smoothing(first: int) -> str:
-    """What the smoothing takes off the noise: in uniform flow, in a vortex' core, and at the picture's edges; how far noise reaches."""
+    """Noise with and without smoothing: in uniform flow, in a vortex core, and at the edges."""
     vortex = Case(lamb_oseen(40, 6), core=80)
     core: dict[bool, list] = {True: [], False: []}
     flat: dict[bool, list] = {True: [], False: []}
@@ -37,23 +37,26 @@ def smoothing(first: int) -> str:
     for k in range(4):
         ring = (edge >= max(k * WINDOW, WINDOW / 2)) & (edge < (k + 1) * WINDOW)
         rings.append(
-            f"{rms(e[..., ring]) / rms(e[..., middle]):.1f} ({rms(std[..., ring]) / rms(std[..., middle]):.1f})"
+            f"{rms(e[..., ring]) / rms(e[..., middle]):.1f} "
+            f"({rms(std[..., ring]) / rms(std[..., middle]):.1f})"
         )
     plain = np.stack(flat[False])
     parts = [
-        f"- What `--no-smoothing` leaves out (5 % noise, {PAIRS} pairs): uniform flow {rms(plain[..., middle]):.4f} → {rms(e[..., middle]):.4f} px "
+        f"- What `--no-smoothing` leaves out (5 % noise, {PAIRS} pairs): uniform flow "
+        f"{rms(plain[..., middle]):.4f} → {rms(e[..., middle]):.4f} px "
         f"({rms(plain[..., middle]) / rms(e[..., middle]):.1f}×), core of a vortex of 40 px "
-        f"{rms(np.stack(core[False])):.4f} → {rms(np.stack(core[True])):.4f} px ({rms(np.stack(core[False])) / rms(np.stack(core[True])):.1f}×).",
-        f"- Noise of vectors in uniform flow is correlated by over 0.2 up to a distance of {reach(e):.1f} windows, without smoothing {reach(plain):.1f}.",
-        "- Noise near the picture's edge over that of the middle (as the uncertainty says), uniform flow, first to fourth window from the edge: "
-        + ", ".join(rings)
-        + ".",
+        f"{rms(np.stack(core[False])):.4f} → {rms(np.stack(core[True])):.4f} px "
+        f"({rms(np.stack(core[False])) / rms(np.stack(core[True])):.1f}×).",
+        "- Noise of vectors in uniform flow is correlated by over 0.2 up to a distance of "
+        f"{reach(e):.1f} windows, without smoothing {reach(plain):.1f}.",
+        "- Noise near the picture's edge over that of the middle (as the uncertainty says), "
+        "uniform flow, first to fourth window from the edge: " + ", ".join(rings) + ".",
     ]
     return "\n".join(parts)
 
 
 def reach(e: np.ndarray) -> float:
-    """Distance (windows) along rows at which errors (..., ny, nx) at 8 px are last correlated by over 0.2."""
+    """Distance (windows) along rows at which errors at 8 px are last correlated by over 0.2."""
     e = np.nan_to_num(e[..., 20:-20, 20:-20])
     lags = range(1, 40)
     common = [np.mean(e[..., lag:] * e[..., :-lag]) / np.mean(e**2) for lag in lags]
@@ -62,11 +65,14 @@ def reach(e: np.ndarray) -> float:
 
 
 def sampling() -> str:
-    """What the sampling kernel leaves of the spectrum's mirror image, and what a cubic B-spline would."""
+    """Share of the spectrum's mirror image, of the sampling kernel and of a cubic B-spline."""
     x = np.linspace(-2, 2, 4001)
 
     def response(frequency: float) -> float:
         return float(np.trapezoid(kernel_values(x) * np.cos(2 * np.pi * frequency * x), x))
 
     own, spline = abs(response(0.6) / response(0.4)), (np.sinc(0.6) / np.sinc(0.4)) ** 4
-    return f"- Mirror image of the spectrum at 0.4 cycles/px: {own:.1%} with this sampling kernel, {spline:.0%} with a cubic B-spline of the same cost."
+    return (
+        f"- Mirror image of the spectrum at 0.4 cycles/px: {own:.1%} with this sampling kernel, "
+        f"{spline:.0%} with a cubic B-spline of the same cost."
+    )

@@ -1,4 +1,4 @@
-"""A small particle-image renderer of the tests' own: exact pixel integration, symmetric mid-point truth."""
+"""A small particle-image renderer of the tests: exact pixel integration, mid-point truth."""
 
 from __future__ import annotations
 
@@ -38,11 +38,12 @@ def render(
     path=None,
     sheet=12.0,
 ):
-    """8-bit images at the instants `frames` of particles carried by displacement(x, y) -> (dx, dy) or (dx, dy, dz) px.
+    """8-bit images at instants `frames` of particles with displacement(x, y) -> (dx, dy[, dz]) px.
 
-    Particles move along straight lines through their middle position, or along path(x, y, t) -> (x, y), x right and y up from the centre of the
-    bottom row. `noise` is Gaussian, as a fraction of 255; `out_of_plane` is a shift between the frames as a
-    fraction of the light sheet's e⁻² thickness, which is `sheet` px for a displacement that has a dz of its own.
+    Particles move along straight lines through their middle position, or along path(x, y, t) -> (x,
+    y), x right and y up from the centre of the bottom row. `noise` is Gaussian, as a fraction of
+    255; `out_of_plane` is a shift between the frames as a fraction of the light sheet's e⁻²
+    thickness, which is `sheet` px for a displacement that has a dz of its own.
     """
     rng = np.random.default_rng(seed)
     rows, columns = shape

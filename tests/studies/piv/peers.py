@@ -1,6 +1,7 @@
-"""Runs the peers inside their own environment: python peers.py FOLDER, one pair.npz per case, results beside.
+"""Run the peers in their own environment: python peers.py FOLDER, one pair.npz per case.
 
-Results of the same images that are there already are kept, so that a run that was stopped goes on where it was.
+Results of the same images that are there already are kept, so that a run that was stopped goes on
+where it was.
 """
 
 from __future__ import annotations

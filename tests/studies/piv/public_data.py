@@ -1,8 +1,9 @@
-"""Public image pairs with published exact displacements, against the peers: python -m tests.studies.piv.public_data [--docs].
+"""Public image pairs with published displacements, against the peers (make bench-piv).
 
-No setting was set on them. The shared data (tests/shared_data.py) hold copies of the repositories quenot/opflow,
-erizmr/UnLiteFlowNet-PIV and shengzesnail/PIV-LiteFlowNet-en in folders of the repositories' names; none of it may be
-passed on with the project. --docs writes the table into docs/piv_benchmarks.md.
+No setting was set on them. The shared data (tests/shared_data.py) hold copies of the repositories
+quenot/opflow, erizmr/UnLiteFlowNet-PIV and shengzesnail/PIV-LiteFlowNet-en in folders of the
+repositories' names; none of it may be passed on with the project. --docs writes the table into
+docs/piv_benchmarks.md.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def image(path: Path) -> np.ndarray:
 
 
 def sampled(field: np.ndarray, first: bool = False) -> Callable:
-    """flow(x, y) of a displacement (ny, nx, 2; px, right and up) at each pixel, halfway in time or of the `first` picture."""
+    """flow(x, y) of a displacement (ny, nx, 2; px, y up), halfway or of the `first` picture."""
 
     def flow(x, y):
         u = v = np.zeros(np.shape(x))
@@ -59,7 +60,7 @@ def sampled(field: np.ndarray, first: bool = False) -> Callable:
 
 
 def cylinders(data: Path) -> Iterator[Pair]:
-    """Quénot et al.: particles as they are, with noise, with particles lost, with both; judged EDGE px from the cylinders."""
+    """Quénot et al.: clean, noisy, with lost particles; judged EDGE px from the cylinders."""
     for strength, scale in STRENGTHS.items():
         folder = data / QUENOT / strength
         # after six numbers u and v of every pixel, big endian
@@ -98,7 +99,7 @@ def simulated(data: Path) -> Iterator[Pair]:
 
 
 def cell(parts: list) -> str:
-    """RMS error and mean length of the error where every method has a vector, and what is absent."""
+    """RMS error and mean error length where every method has a vector, and absent share."""
     e = joined(parts)
     text = f"{rms_of(parts):.3f}/{np.hypot(*e.e[:, e.common]).mean():.3f}"
     return text + (f" ({absent(parts):.0%} absent)" if absent(parts) > 0.005 else "")
@@ -107,8 +108,13 @@ def cell(parts: list) -> str:
 def tables(results: dict) -> str:
     """Markdown: errors of every method, and what is told of our own vectors."""
     names = sorted(results, key=lambda n: n not in (OURS, MASKED))
-    lines = ["RMS error per component, px, where every method gives a vector; after the slash the mean length of the error", "",
-             "| flow (pairs) | " + " | ".join(names) + " | best OpenPIV, best PIVtools over ours |", "|---" * (len(names) + 2) + "|"]  # fmt: skip
+    lines = [
+        "RMS error per component, px, where every method gives a vector; after the slash the mean "
+        "length of the error",
+        "",
+        "| flow (pairs) | " + " | ".join(names) + " | best OpenPIV, best PIVtools over ours |",
+        "|---" * (len(names) + 2) + "|",
+    ]
     own = [f"| flow | {TOLD} vectors/s |", "|---" * 6 + "|"]
     for row, parts in results[OURS].items():
         there = {n: results[n][row] for n in names if row in results[n]}
@@ -122,7 +128,11 @@ def tables(results: dict) -> str:
         cells = [cell(there[n]) if n in there else "" for n in names]
         lines.append(f"| {row} ({len(parts)}) | " + " | ".join(cells) + f" | {ratio} |")
         if not row.endswith(INSTANT):
-            own += [f"| {row}{f', {n}' * (n != OURS)} | {told(there[n])} {speed(there[n]):,.0f} |" for n in (OURS, MASKED) if n in there]  # fmt: skip
+            own += [
+                f"| {row}{f', {n}' * (n != OURS)} | {told(there[n])} {speed(there[n]):,.0f} |"
+                for n in (OURS, MASKED)
+                if n in there
+            ]
     return "\n".join([*lines, "", *own, "", f"{libraries()}."])
 
 
@@ -133,7 +143,8 @@ def main() -> None:
     if missing := [f for f in (QUENOT, *CAI) if not (data / f).is_dir()]:
         # a benchmark without them keeps the table that it has
         print(
-            f"{data / missing[0]}: no folder, so public pairs are left out; copy {missing[0].split('/')[0]} there"
+            f"{data / missing[0]}: no folder, so public pairs are left out; copy "
+            f"{missing[0].split('/')[0]} there"
         )
         return
     cv2.setNumThreads(1)

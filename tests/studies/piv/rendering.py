@@ -1,4 +1,4 @@
-"""Speed of the renderer: a vortex that drifts through a plane series, taken with the recording's own camera and seeding."""
+"""Speed of the renderer: a vortex that drifts through a plane series."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def drifting_vortex(peak: float, camera: Camera) -> xr.Dataset:
         flow = lamb_oseen(40, peak, (CENTRE[0] + drift * (k - FRAMES / 2), CENTRE[1]))
         u, v = flow(*np.meshgrid(x, y))
         planes.append((u + drift, v))
-    u, v = np.moveaxis(planes, 1, 0) * camera.scale_m_per_px * camera.frame_rate_hz
-    metres = camera.scale_m_per_px
+    u, v = np.moveaxis(planes, 1, 0) * camera.pixel * camera.frame_rate_hz
+    metres = camera.pixel
     return make_plane(x * metres, y * metres, u, v, time=np.arange(FRAMES) / camera.frame_rate_hz)
 
 
@@ -58,7 +58,8 @@ def rendering() -> str:
         for label, (plain, exact) in speeds.items()
     )
     return (
-        f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, planes of {SPACING_PX} px spacing, "
+        f"- Rendering, Mpx-frames per CPU second (vortex of {SLOW:g} and of {FAST:g} px per frame, "
+        f"planes of {SPACING_PX} px spacing, "
         f"0.04 ppp, noise, written as recordings are): {rates}."
     )
 

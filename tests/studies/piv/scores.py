@@ -14,7 +14,10 @@ from piv.correlation import uncertainty
 FAR = 0.5  # px
 EDGE = 24  # px
 UNCERTAIN = 5  # flag
-TOLD = f"coverage of ±1 standard uncertainty | uncertain (flag {UNCERTAIN}) | of the others > {FAR} px | absent |"
+TOLD = (
+    f"coverage of ±1 standard uncertainty | uncertain (flag {UNCERTAIN}) | "
+    f"of the others > {FAR} px | absent |"
+)
 HEAD = f"RMS error, px | {TOLD}\n|---|---|---|---|---|---|"
 
 
@@ -50,7 +53,7 @@ def inner(shape: tuple[int, int]) -> Callable:
 
 
 def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """x, y (ny, nx), errors and their standard uncertainties (2, ny, nx; NaN where absent or not told), px."""
+    """x, y (ny, nx), errors and standard uncertainties (2, ny, nx; NaN where absent), px."""
     x, y = np.meshgrid(ds["x"], ds["y"])
     u, v = flow(x, y)
     e = np.stack([ds["u"].values - u, ds["v"].values - v])
@@ -66,7 +69,7 @@ def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.n
 def judged(
     ds: xr.Dataset, flow: Callable, counts: Callable, beside: Iterable[xr.Dataset] = ()
 ) -> Errors:
-    """Errors of the vectors at which counts(x, y) holds; `beside`: vectors of all methods of the comparison."""
+    """Errors of the vectors at which counts(x, y) holds; `beside`: vectors of all methods."""
     x, y, e, std = errors(ds, flow)
     where = counts(x, y)
     common = np.isfinite(e).all(axis=0)

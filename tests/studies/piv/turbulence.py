@@ -1,7 +1,8 @@
-"""Planes of three-dimensional turbulence against the peers: python -m tests.studies.piv.turbulence [--seeds N] [--docs | --alone].
+"""Planes of three-dimensional turbulence against the peers (make bench-piv).
 
-Seeds 4201 and up, which served no tuning. The peers' configurations are those of the benchmark, in the same environment.
---docs writes the tables into docs/piv_benchmarks.md; --alone leaves the peers out and prints only.
+Seeds 4201 and up, which served no tuning. The peers' configurations are those of the benchmark, in
+the same environment. --docs writes the tables into docs/piv_benchmarks.md; --alone leaves the peers
+out and prints only.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def derivatives(u, v, step):
 
 
 def gains(ds: xr.Dataset, flow: Callable) -> list[float]:
-    """Of divergence and vorticity: slopes of the inner vectors' differences against those of the exact field."""
+    """Of divergence and vorticity: slopes of inner vectors' differences against exact ones."""
     x, y = ds["x"].values, ds["y"].values
     gx, gy = np.meshgrid(x, y)
     counts = inner(SHAPE)(gx, gy)[1:-1, 1:-1]

@@ -1,9 +1,10 @@
-"""Plane cuts of three-dimensional isotropic turbulence: exact displacement functions for rendered particles.
+"""Plane cuts of isotropic turbulence: exact displacement functions.
 
-Of a Gaussian, solenoidal, isotropic field with energy spectrum E(k) ~ k^-5/3 the cut's in-plane spectra follow by
-integration over the wavenumber normal to it (Batchelor 1953, ch. 3): with κ the wavenumber in the plane and
-S(k) = E(k)/(4πk²), the solenoidal part of the plane has ∫S dk_z, the curl-free part ∫S k_z²/k² dk_z and the velocity
-normal to the plane ∫S κ²/k² dk_z. The three are independent. Divergence then has a fifth of vorticity's mean square.
+Of a Gaussian, solenoidal, isotropic field with energy spectrum E(k) ~ k^-5/3 the cut's in-plane
+spectra follow by integration over the wavenumber normal to it (Batchelor 1953, ch. 3): with κ the
+wavenumber in the plane and S(k) = E(k)/(4πk²), the solenoidal part of the plane has ∫S dk_z, the
+curl-free part ∫S k_z²/k² dk_z and the velocity normal to the plane ∫S κ²/k² dk_z. The three are
+independent. Divergence then has a fifth of vorticity's mean square.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ DEPTHS = 400  # points of the integral over k_z
 
 
 def plane_spectra(wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spectral densities (any common unit) of the solenoidal part, the curl-free part and the normal velocity."""
+    """Spectral densities of the solenoidal part, the curl-free part, the normal velocity."""
     low, high = 2 * np.pi / LONGEST, 2 * np.pi / SHORTEST
     own, index = np.unique(np.rint(wavenumber / high * 4000).astype(int), return_inverse=True)
     kappa = own * high / 4000
@@ -38,7 +39,7 @@ def plane_spectra(wavenumber: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 class TurbulentPlane:
-    """Displacement (dx, dy, dz px) in a plane of turbulence of `rms` px per component; x right, y up."""
+    """Displacement (dx, dy, dz px) in a plane of `rms` px per component; x right, y up."""
 
     def __init__(self, rms: float, seed: int):
         rng = np.random.default_rng(seed)
@@ -62,7 +63,3 @@ class TurbulentPlane:
             map_coordinates(f, at, order=3, prefilter=False, mode="grid-wrap")
             for f in self._splines[:components]
         )
-
-    def with_normal(self, x, y):
-        """Displacement (dx, dy, dz) at (x, y), px."""
-        return self(x, y, 3)

@@ -1,4 +1,4 @@
-"""A vortex core that touches a moving body, as behind a finger's tip: vectors at the wall and the fit's circulation."""
+"""A vortex core that touches a moving body: vectors at the wall and the fit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def evaluated(core: float, seed: int):
 
 
 def circulation_error(ds, core: float) -> float:
-    """Relative error of the fitted circulation; NaN where no vortex is found within a core radius."""
+    """Relative error of the fitted circulation; NaN without a vortex within a core radius."""
     exact = 2 * np.pi * core * PEAK / PEAK_SWIRL
     near = [w for w in find_vortices(ds) if np.hypot(w.x - WALL - core, w.y - MIDDLE) < core]
     return near[0].circulation / exact - 1 if near else np.nan
@@ -66,13 +66,17 @@ def line(core: float, first: int) -> str:
     worst = np.nanmax(np.hypot(*e))
     cells = [told(g) for g in (measured, exact)]
     steep = PEAK / PEAK_SWIRL / core
-    return f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | {worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
+    return (
+        f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | "
+        f"{worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
+    )
 
 
 def walls(first: int) -> str:
     """Markdown table; seeds from `first`."""
     head = (
-        f"| core radius (spacings of {SPACING} px) | steepest | RMS error between core and wall | largest | absent | circulation of the fit "
+        f"| core radius (spacings of {SPACING} px) | steepest | RMS error between core and wall | "
+        "largest | absent | circulation of the fit "
         "| of a fit to exact vectors |\n|---|---|---|---|---|---|---|"
     )
     return "\n".join([head, *(line(core, first) for core in CORES)])

@@ -1,6 +1,7 @@
-"""The same pairs of images by the project and by its peers, which run in an environment of their own.
+"""The same pairs of images by the project and by its peers, in their environment.
 
-OpenPIV 0.26 (windef, four configurations) and PIVtools 0.7 are installed in `.venv-bench` at the first run, or where BENCH_VENV says.
+OpenPIV 0.26 (windef, four configurations) and PIVtools 0.7 are installed in `.venv-bench` at the
+first run, or where BENCH_VENV says.
 """
 
 from __future__ import annotations
@@ -25,16 +26,36 @@ from tests.studies.piv.scores import Errors, judged
 
 ROOT = Path(__file__).resolve().parents[3]
 OURS = "this project"
-PEERS = ["openpiv==0.26.0", "dask[distributed]", "dask-image", "loguru", "lz4", "pandas", "pillow", "PyYAML", "tifffile",
-         "tqdm", "psutil", "scikit-image", "bottleneck", "scikit-learn", "threadpoolctl", "matplotlib", "cinereader",
-         "rawpy", "numba", "opencv-python-headless"]  # fmt: skip
+PEERS = [
+    "openpiv==0.26.0",
+    "dask[distributed]",
+    "dask-image",
+    "loguru",
+    "lz4",
+    "pandas",
+    "pillow",
+    "PyYAML",
+    "tifffile",
+    "tqdm",
+    "psutil",
+    "scikit-image",
+    "bottleneck",
+    "scikit-learn",
+    "threadpoolctl",
+    "matplotlib",
+    "cinereader",
+    "rawpy",
+    "numba",
+    "opencv-python-headless",
+]
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Two images of one size, and what their vectors are judged by.
 
-    `rows`: by the name of a table's row the exact displacement flow(x, y) (px, y up from the bottom row) and counts(x, y) -> bool.
+    `rows`: by the name of a table's row the exact displacement flow(x, y) (px, y up from the bottom
+    row) and counts(x, y) -> bool.
     """
 
     name: str
@@ -48,7 +69,7 @@ class Pair:
 def arguments(
     text: str | None, seeds: int | None = None, alone: bool = False
 ) -> argparse.Namespace:
-    """Switches of a comparison: --folder, --docs and, where there are seeds, --seeds; where it can be `alone`, --alone."""
+    """Switches of a comparison: --folder, --docs, with `seeds` --seeds, with `alone` --alone."""
     parser = argparse.ArgumentParser(description=text)
     if seeds is not None:
         parser.add_argument("--seeds", type=int, default=seeds, help="pairs per row")
@@ -96,9 +117,10 @@ def kept_or_temporary(asked: Path | None) -> Iterator[Path]:
 def with_peers(
     keep: Path | None, pairs: Iterable[Pair], alone: bool = False
 ) -> Iterator[tuple[Pair, dict[str, xr.Dataset]]]:
-    """Each pair with the vectors (px; attribute `cpu_s`) of our own runs and, unless `alone`, of every peer.
+    """Each pair with the vectors (px; attribute `cpu_s`) of our runs and of every peer.
 
-    `keep`: folder for pairs and peers' results. What the peers say of errors goes to this command's own stderr.
+    `keep`: folder for pairs and peers' results. What the peers say of errors goes to this command's
+    own stderr.
     """
     with kept_or_temporary(keep) as folder:
         jobs = []

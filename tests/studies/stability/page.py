@@ -175,10 +175,10 @@ def faults_part(folder: Path) -> list[str]:
         f"{len(faults)} conditions: {', '.join(f'{n} {kind}' for kind, n in kinds.items())}. Each"
         " with its error message and the result once the condition is over:"
         " [faults.csv](stability/faults.csv).\n",
-        "## Fuzz of the readers (`make fuzz`)\n",
+        "## Fuzz of the readers\n",
         f"{inputs} damaged files in {len(fuzz)} readers, {broken} faults: each other was read or"
         " refused with one sentence. By reader: [fuzz.csv](stability/fuzz.csv).\n",
-        "## Drawn scenes (`make fuzz`)\n",
+        "## Drawn scenes\n",
         f"{sum(outcomes.values())} scenes with one to three numbers drawn from the models' own"
         " types, at the edges of what is allowed and far outside, at level smoke:"
         f" {', '.join(f'{n} {kind}' for kind, n in outcomes.items())}; none ended in a traceback,"
@@ -205,7 +205,7 @@ def write(docs: Path) -> None:
     head = (Path(__file__).parent / "page_head.md").read_text(encoding="utf-8")
     text = [head, *runs_part(runs), *images_part(images), *faults_part(folder)]
     versions = ", ".join(f"{name} {number}" for name, number in made["versions"].items())
-    text.append(f"Made by `make stability` on {made['date']} with {versions}.\n")
+    text.append(f"Made on {made['date']} with {versions}.\n")
     write_text(docs / "stability.md", "\n".join(text))
 
 

@@ -11,7 +11,11 @@ from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
-from pipeline.scene.scene import Scene, load_scene
+from fileio.formats.records import STUDY_PLAN
+from fileio.record import read_record
+from pipeline.scene.scene import Scene
+from pipeline.study.outcome import OUTCOME, outcome_is_there
+from pipeline.study.plan import run_of
 
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
 # Possible peak forces, over added mass and drag of a plate as long as the finger.
@@ -24,8 +28,8 @@ def read_plans(paths: list[Path]) -> list[dict[str, Any]]:
     runs = []
     for path in paths:
         if not path.exists():
-            raise StageError(f"{path}: no plan; run make stability, which makes the runs first")
-        for run in json.loads(path.read_text(encoding="utf-8"))["runs"]:
+            raise StageError(f"{path}: no plan; make the runs first: softfinger study")
+        for run in STUDY_PLAN.read(path)["runs"]:
             axis, _, value = run["run"].partition("_")
             runs.append(run | {"axis": axis, "value": value})
     return runs
@@ -33,20 +37,19 @@ def read_plans(paths: list[Path]) -> list[dict[str, Any]]:
 
 def result(run: dict[str, Any]) -> dict[str, Any]:
     """The row of a run for the tables; StageError where it has not ended yet."""
-    folder = Path(run["folder"])
-    path = folder / "out" / run["level"] / "outcome.json"
-    if not path.exists():
-        raise StageError(f"{path}: the run has not ended; run make stability again")
-    outcome = json.loads(path.read_text(encoding="utf-8"))
+    outcome = read_record(Path(run["out"]), OUTCOME)
+    if outcome is None or not outcome_is_there(run):
+        raise StageError(f"{run['out']}: no outcome of these numbers; run softfinger study again")
     row = {key: run[key] for key in ("run", "axis", "value", "level", "ranks")}
-    row |= {"scene": Path(run["scene"]).name}
-    row |= {key: value for key, value in outcome.items() if key not in ("format", "format_version")}
-    row["ended"] = FAULTS.get(row["ended"], row["ended"])
-    if row["ended"] == "completed":
-        return row | judged(load_scene(folder, run["level"]))
+    row |= {"scene": Path(run["folder"]).name, "reason": outcome["reason"]}
+    row |= {"stage": outcome["ended_at"], "stopped_at_s": outcome.get("stopped_at_s", "")}
+    row |= {"ended": FAULTS.get(outcome["ended"], outcome["ended"]), "cpu_s": outcome["cpu_time"]}
     try:
-        return row | motion_numbers(load_scene(folder, run["level"]))
+        scene = run_of(run).scene
+        return row | (judged(scene) if row["ended"] == "completed" else motion_numbers(scene))
     except StageError:  # refused before there was a motion
+        if row["ended"] == "completed":
+            raise
         return row
 
 
@@ -79,7 +82,6 @@ def judged(scene: Scene) -> dict[str, Any]:
     drag = length * motion["tip_speed"] ** 2
     share = peak / (fluid.density * finger.width * (added_mass + drag))
     faults = {
-        "the results are of other numbers": record["scene_hash"] != scene.digest(),
         "numbers that are none": not (np.isfinite(force).all() and np.isfinite(power).all()),
         f"{len(force)} rows of forces for {record['steps']} steps": len(force) != record["steps"],
         "energy from nothing": balance["closure_fraction"] < LEAST_CLOSURE,

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fileio.atomic import write_text
-from pipeline.openfoam.base_case import templates_digest
 from pipeline.openfoam.environment import foam_version
+from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import Scene, load_scene
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.solve import CASES, cpu_seconds
@@ -70,24 +70,20 @@ LAMB_OSEEN = Flow("lamb_oseen", _lamb_oseen, "fixedValue")
 TAYLOR_GREEN = Flow("taylor_green", _taylor_green, "slip")
 
 
-def _variant(scene: Scene, tag: str, **numerics: int | str) -> Scene:
-    """The scene with other numerics, in a folder of its own."""
-    changed = scene.numerics.model_copy(update=numerics)
-    return scene.model_copy(update={"numerics": changed, "level": f"{scene.level}_{tag}"})
+def _variant(folder: Path, level: str, tag: str, **numerics: int | str) -> Run:
+    """The run at a level with other numerics, in a folder of its own."""
+    overrides = {f"numerics.{key}": value for key, value in numerics.items()}
+    return open_run(folder / NAME, level, overrides, folder / NAME / "out" / f"{level}_{tag}")
 
 
 def _vortex_cells(
     flow: Flow, level: str, again: bool, folder: Path, outer: int, interpolation: str = "linear"
 ) -> tuple[Scene, Cells]:
     """The vortex at the end of a run, which is solved unless it is there for these numbers."""
-    scene = _variant(
-        load_scene(folder / NAME, level),
-        f"{flow.name}_{outer}_{interpolation}",
-        outer_correctors=outer,
-        interpolation=interpolation,
-    )
+    tag = f"{flow.name}_{outer}_{interpolation}"
+    run = _variant(folder, level, tag, outer_correctors=outer, interpolation=interpolation)
+    scene, wanted = run.scene, run.digest("case")
     stamp = scene.out / "transparent.json"
-    wanted = {"scene_hash": scene.digest(), "templates": templates_digest()}
     if again or not stamp.exists() or json.loads(stamp.read_text()) != wanted:
         solve_transparent(scene, flow.field(scene.fluid.kinematic_viscosity), flow.boundary)
         write_text(stamp, json.dumps(wanted))
@@ -132,7 +128,7 @@ def _time_differences(outer: int, again: bool) -> tuple[np.ndarray, np.ndarray]:
 
 def _stream_error(level: str) -> float:
     """Largest difference from a uniform stream at the end, relative to it."""
-    scene = _variant(load_scene(CASES / NAME, level), "stream", outer_correctors=1)
+    scene = _variant(CASES, level, "stream", outer_correctors=1).scene
     solve_transparent(scene, lambda place, _: np.tile(STREAM, (len(place), 1)), "fixedValue")
     return float(np.abs(at_end(scene).velocity - STREAM).max() / np.hypot(*STREAM))
 
@@ -194,6 +190,6 @@ def measure(again: bool = False) -> Result:
         " core)."
     )
     spent = {"cpu_seconds": round(cpu_seconds() - before, 1)}
-    origin = {"versions": {"OpenFOAM": foam_version()}, "scene_hash": scene.digest(), **spent}
+    origin = {"versions": {"OpenFOAM": foam_version()}, **spent}
     lists = {name: values.tolist() for name, values in curves.items()}
     return Result(NAME, scene.title, text, checks, lists, remarks, origin)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
-from postprocess.studies.state import files_of, missing_runs
 
 from fileio.formats.plane_series import read_plane
 from pipeline.scene.scene import Scene, load_scene
@@ -16,7 +15,7 @@ from piv.vortices.find import find_vortices
 from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.tip_vortex import dominant_track, read_vortices
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
-from postprocess.studies.table import middle_of_stroke, read_plan
+from postprocess.studies.table import files_of, middle_of_stroke, missing_runs, read_plan, run_of
 from postprocess.studies.tradeoff import PART_OF_STROKE
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.convergence import Estimate, estimate
@@ -204,7 +203,7 @@ def finest_orders(runs: list[Run]) -> str:
 def two_dimensional() -> Result:
     """Grids and time steps of the 2-D finger."""
     grids, steps = (
-        [_read_run(solved("finger_2d", level)) for level in levels] for levels in (GRIDS, STEPS)
+        [_read_run(solved(level, "convergence")) for level in levels] for levels in (GRIDS, STEPS)
     )
     scene = load_scene(CASES / "finger_2d", "g100")
     checks = [
@@ -243,7 +242,7 @@ def _family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
             grids.append(row)
     if len(grids) < 3 or not strokes:
         return None
-    scenes = [load_scene(Path(row["folder"]), row["level"]) for row in grids]
+    scenes = [run_of(row).scene for row in grids]
     begin, end = middle_of_stroke(files_of(strokes[0]))
     return scenes, (begin, min(end, scenes[0].motion.end_time))
 
@@ -277,6 +276,5 @@ def three_dimensional(folder: Path) -> Result | None:
 
 
 def _provenance(scene: Scene) -> dict:
-    record = record_of(scene)
-    versions = {"OpenFOAM": record["versions"]["OpenFOAM"]}
-    return {"versions": versions, "scene_hash": record["scene_hash"], "level": scene.level}
+    versions = {"OpenFOAM": record_of(scene)["versions"]["OpenFOAM"]}
+    return {"versions": versions, "level": scene.level}

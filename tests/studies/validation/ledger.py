@@ -18,12 +18,7 @@ ORDER = (
     "exact_fields", "finger_2d", "finger",
 )  # fmt: skip
 TABLE = "| quantity | reference | result | deviation | tolerance | why | |\n" + 7 * "|---" + "|\n"
-COSTS = {
-    "cells": "{} cells",
-    "steps": "{} steps",
-    "cpu_seconds": "{} s of CPU time",
-    "scene_hash": "scene {}",
-}
+COSTS = {"cells": "{} cells", "steps": "{} steps", "cpu_seconds": "{} s of CPU time"}
 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:

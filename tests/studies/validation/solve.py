@@ -10,23 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fileio.stages import until
-from pipeline.stage_settings import settings_of
 
 from fileio.errors import StageError
-from fileio.provenance import read_settings
-from pipeline.scene.scene import Scene, load_scene
+from fileio.record import read_record
+from pipeline.runs.stages import until
+from pipeline.scene.scene import Scene
+from pipeline.study.rows import open_row, read_study
 
 CASES = Path(__file__).resolve().parents[3] / "cases" / "validation"
-RECORDED = (
-    "scene_hash",
-    "cells",
-    "time_step",
-    "steps",
-    "end_time",
-    "courant_max",
-    "continuity_max",
-)
+RECORDED = ("cells", "time_step", "steps", "end_time", "courant_max", "continuity_max")
 
 
 @dataclass(frozen=True)
@@ -51,31 +43,20 @@ def record_of(scene: Scene) -> dict[str, Any]:
     return json.loads((scene.out / "run" / "run.json").read_text())
 
 
-def solved(name: str, level: str = "coarse", folder: Path = CASES) -> Scene:
-    """A scene with its run; StageError where there is none or it has other numbers."""
-    scene = load_scene(folder / name, level)
-    record = scene.out / "run" / "run.json"
-    if not record.exists() or not (scene.out / "sheet.h5").exists():
-        raise StageError(
-            f"{scene.out}: {name} was not run at level {level}; run make validate, which makes the"
-            " runs first"
-        )
-    templates = read_settings(scene.out / "sweep.h5") == settings_of(scene, "case")
-    if not templates or record_of(scene)["scene_hash"] != scene.digest():
-        raise StageError(
-            f"{record}: of other numbers than {name} has now; run make validate, which makes the"
-            " run again"
-        )
-    return scene
+def solved(row: str, study: str = "validation") -> Scene:
+    """The scene of a row of a study, with its run; StageError where that is not there or stale."""
+    rows = {one.run: one for one in read_study(CASES / "studies" / f"{study}.csv")}
+    run = open_row(CASES, study, rows[row])
+    for stage, why in run.stale("sheet").items():
+        raise StageError(f"{run.out}: {stage}: {why}; run make validate, which makes the runs")
+    return run.scene
 
 
 def _spent(scene: Scene) -> dict[str, float]:
     """CPU seconds of all stages of a run; empty where one has no record."""
-    paths = [scene.out / "costs" / f"{stage.name}.json" for stage in until("sheet")]
-    if not all(path.exists() for path in paths):
-        return {}
-    seconds = sum(json.loads(path.read_text())["cpu_time"] for path in paths)
-    return {"cpu_seconds": round(seconds, 1)}
+    records = [read_record(scene.out, stage.name) for stage in until("sheet")]
+    seconds = [record["cpu_time"] for record in records if record]
+    return {"cpu_seconds": round(sum(seconds), 1)} if len(seconds) == len(records) else {}
 
 
 def provenance(scene: Scene) -> dict[str, Any]:

@@ -1,21 +1,14 @@
 """From the unit cell to the finger: chain, circle, smoothing, outline, file, settings."""
 
-from pathlib import Path
-
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from fileio.formats.bending_states import BendingLaw, BendingStates, read, write
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
-from pipeline.fea.settings import Actuator, Fea
-from pipeline.scene.scene import load_scene
-
-ROOT = Path(__file__).parents[3]
-SCENE = load_scene(ROOT / "cases" / "single_finger")
 
 
 def arc(radius, length=0.07, points=80, turn=0.3):
@@ -28,9 +21,8 @@ def arc(radius, length=0.07, points=80, turn=0.3):
 def test_circle_of_an_exact_arc(radius, ventral, turn):
     signed = radius if ventral else -radius
     fitted_radius, residual = fit_circle(arc(signed, turn=turn))
-    assert fitted_radius == pytest.approx(
-        signed, rel=1e-6
-    )  # rounding of a 70 mm arc of R = 1 m: its sagitta is 0.6 mm
+    # rounding of a 70 mm arc of R = 1 m, whose sagitta is 0.6 mm
+    assert fitted_radius == pytest.approx(signed, rel=1e-6)
     assert residual < 1e-9
 
 
@@ -44,14 +36,13 @@ def test_residual_is_the_rms_distance():
     off = 5e-5 * np.cos(np.arange(80) * np.pi)
     radial = line - (np.array([0.01, -0.02]) + 0.04 * np.array([-np.sin(0.3), np.cos(0.3)]))
     moved = line + off[:, None] * radial / np.linalg.norm(radial, axis=1, keepdims=True)
-    assert fit_circle(moved)[1] == pytest.approx(
-        5e-5, rel=0.01
-    )  # the fit takes up less than 1 % of the noise
+    # the fit takes up less than 1 % of the noise
+    assert fit_circle(moved)[1] == pytest.approx(5e-5, rel=0.01)
 
 
 @given(st.floats(-0.2, 0.2).filter(lambda angle: abs(angle) > 1e-3))
 def test_chained_cells_turn_by_their_angle(angle):
-    """Cells bent to arcs give a finger that is straight in its clamped half chamber and an arc beyond."""
+    """Cells bent to arcs: straight in the clamped half chamber, an arc beyond."""
     rest = np.linspace(0, 0.0045, 10)
     radius = 0.0045 / angle
     half = np.stack([radius * np.sin(rest / radius), -radius * (1 - np.cos(rest / radius))], -1)
@@ -69,9 +60,7 @@ def test_smoothing_keeps_a_polynomial_and_removes_ripple():
     s = np.linspace(0, 0.07, 126)
     clean = np.stack([s, 5 * s**2], -1)[None]
     ripple = 3e-5 * np.sin(2 * np.pi * s / 0.009)
-    np.testing.assert_allclose(
-        smoothed(clean, s), clean, atol=1e-12
-    )  # it lies in the spline's space
+    np.testing.assert_allclose(smoothed(clean, s), clean, atol=1e-12)
     rippled = clean + np.stack([np.zeros_like(s), ripple], -1)[None]
     inside = (s > 0.012) & (s < 0.058)  # at its ends a least-squares curve follows the last wave
     assert np.abs(smoothed(rippled, s) - clean)[:, inside].max() < 0.2 * 3e-5
@@ -102,61 +91,34 @@ def some_states(**changed):
 
 
 def test_file_gives_back_what_was_written(tmp_path):
-    states = some_states(radius_std=np.array([1e-3, np.inf, 1e-3]))
+    each = np.array([4e-4, 5e-4, 6e-4])
+    law = BendingLaw(
+        stiffness=each,
+        neutral_axis=5 * each,
+        moment=np.array([-1e-3, 0.0]),
+        curvature=np.ones((3, 2)),
+        air_section=each / 5,
+        air_height=10 * each,
+        rubber_mass=0.3,
+        rubber_section=3e-4,
+        rubber_height=0.007,
+        clamped_length=0.0035,
+        stiffness_std=each / 10,
+    )
+    states = some_states(radius_std=np.array([1e-3, np.inf, 1e-3]), law=law)
     write(tmp_path / "states.h5", states)
     again = read(tmp_path / "states.h5")
     for name in ("pressure", "profile", "thickness", "radius", "radius_std", "converged"):
         np.testing.assert_array_equal(getattr(again, name), getattr(states, name))
+    for name, value in vars(law).items():
+        np.testing.assert_array_equal(getattr(again.law, name), value)
     assert again.wall_gap is None
     assert {key: again.about[key] for key in states.about} == states.about
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_file_gives_back_the_law_of_bending(tmp_path):
-    each = np.array([4e-4, 5e-4, 6e-4])
-    law = BendingLaw(
-        stiffness=each, neutral_axis=5 * each, moment=np.array([-1e-3, 0.0]), curvature=np.ones((3, 2)),
-        air_section=each / 5, air_height=10 * each, rubber_mass=0.3, rubber_section=3e-4, rubber_height=0.007,
-        clamped_length=0.0035, stiffness_std=each / 10,
-    )  # fmt: skip
-    write(tmp_path / "states.h5", some_states(law=law))
-    again = read(tmp_path / "states.h5").law
-    for name, value in vars(law).items():
-        np.testing.assert_array_equal(getattr(again, name), value)
-    assert isinstance(again.rubber_mass, float)
-
-
 def test_file_of_another_format_is_refused(tmp_path):
-    import h5py
-
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.attrs["format"] = "plane-series"
-    with pytest.raises(
-        ValueError,
-        match=r"other\.h5: format is 'plane-series', not 'bending-states'; write it again",
-    ):
+    with pytest.raises(ValueError, match=r"other\.h5: format is 'plane-series', not 'bending-"):
         read(tmp_path / "other.h5")
-
-
-@pytest.mark.parametrize(
-    "key, value, said",
-    [
-        ("h2", 0.013, "must be below h1"),
-        ("roof", 0.006, "gap between chambers"),
-        ("b1", 0.014, "no cavity"),
-        ("h1", 12.0, "less than 1"),
-    ],
-)
-def test_actuators_that_make_no_sense(key, value, said):
-    with pytest.raises(ValidationError, match=said):
-        Actuator(**SCENE.actuator | {key: value})
-
-
-def test_unknown_key_is_refused():
-    with pytest.raises(ValidationError, match="roofs"):
-        Actuator(**SCENE.actuator, roofs=1)
-
-
-def test_import_needs_its_section():
-    with pytest.raises(ValidationError, match=r"\[fea.results\]"):
-        Fea(**SCENE.fea | {"engine": "import"})

@@ -13,7 +13,8 @@ from tests.finger_cell import ACTUATOR, CASE, FEA
 
 SMALL = (
     "[fea]\nfirst_pressure_kpa = 0.0\nlast_pressure_kpa = 400.0\npressure_step_kpa = 100.0\n"
-    "mesh = { cavity = 1, wall = 1, gap = 1, base = 1, bridge = 1, side = 1, wedge = 1, span = 1 }\n"
+    "mesh = { cavity = 1, wall = 1, gap = 1, base = 1, bridge = 1, side = 1, wedge = 1,"
+    " span = 1 }\n"
 )
 
 
@@ -46,6 +47,10 @@ def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
     "more, words",
     [
         ("[actuator]\nh2 = 0.02\n", r"scene\.toml: actuator: h2 = 0\.02 m must be below h1"),
+        ("[actuator]\nroof = 0.006\n", "gap between chambers"),
+        ("[actuator]\nb1 = 0.014\n", "no cavity"),
+        ("[actuator]\nh1 = 12.0\n", "less than 1"),
+        ('[fea]\nengine = "import"\n', r"\[fea.results\]"),
         ("[actuator]\nwidht = 0.02\n", r"actuator\.widht: this key is not known; 'width' is"),
         ("[fea]\nmesh = { wall = 0 }\n", r"fea\.mesh\.wall: .*\(got 0\)"),
         ('[fea]\nengine = "calculix"\n', r"fea\.engine: .*unit_cell"),

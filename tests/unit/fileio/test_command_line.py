@@ -48,7 +48,7 @@ class Command:
     ],
 )
 def test_how_a_command_ends(end, code, said, capsys):
-    assert command_line("p", None, {"act": ("act", Command(end))}, ["act"], prefix="p ") == code
+    assert command_line("p", None, {"act": ("act", Command(end))}, ["act"]) == code
     assert capsys.readouterr().err == said
 
 
@@ -124,8 +124,8 @@ def test_every_command_has_a_help(name, capsys):
         (["run", "cases/single_finger", "--until", "mash"], "mash: no such stage"),
         (["run", "cases/single_finger", "--set", "mesh.tip_cell"], "give KEY=VALUE"),
         (["run", "cases/single_finger", "--set", "mesh.tip_cel=1"], "tip_cell"),
-        (["run", "cases/single_finger", "--name", "x"], "--name goes with --set"),
-        (["new", "cases/single_finger"], "is there already"),
+        (["run", "cases/single_finger", "--name", "x"], "--name needs --set"),
+        (["new", "cases/single_finger"], "exists already"),
     ],
 )
 def test_wrong_words_are_one_sentence(words, part, capsys):
@@ -162,7 +162,7 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
             raise AssertionError("it was read or replaced")
 
     words = [word.format(pipe=tmp_path / "pipe") for word in words]
-    assert command_line("p", None, {"act": ("act", Reader())}, ["act", *words], prefix="p ") == 2
+    assert command_line("p", None, {"act": ("act", Reader())}, ["act", *words]) == 2
     assert (
         capsys.readouterr().err
         == f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
@@ -170,7 +170,10 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
 
 
 def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
-    code = "from fileio.command import guarded; raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    code = (
+        "from fileio.command import guarded\n"
+        "raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    )
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True
@@ -185,9 +188,13 @@ def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
 def test_an_interrupt_during_the_imports_is_one_sentence(module, library):
     """Also within those of libraries, which make errors of their own of it."""
     process = subprocess.Popen(
-        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"], cwd=ROOT, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
+        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"],
+        cwd=ROOT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
     while process.poll() is None and library not in Path(f"/proc/{process.pid}/maps").read_text():
         pass
     process.send_signal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""The site of `make docs-site` builds without a warning, offline, with all public names."""
+"""The site of `make docs` builds without a warning, offline, with all public names."""
 
 import re
 import subprocess
@@ -14,7 +14,7 @@ BUILDER = ROOT / ".venv-docs" / "bin" / "sphinx-build"
 @pytest.mark.slow
 def test_the_site(tmp_path):
     if not BUILDER.exists():
-        pytest.skip("the site's builder is not installed: make docs-site")
+        pytest.skip("the site's builder is not installed: make docs")
     site = tmp_path / "html"
     # a link that leads nowhere is a warning, and -W makes an error of it
     command = [BUILDER, "-q", "-W", "--keep-going", "-d", tmp_path / "trees", ROOT / "docs", site]

@@ -1,11 +1,10 @@
-"""A recording in chunks: joined, equal to the serial file to the last byte; memory that does not grow with the recording."""
+"""A recording in chunks: joined, equal to the serial file to the last byte."""
 
 from __future__ import annotations
 
 import shutil
 import time
 import tracemalloc
-from itertools import pairwise
 from pathlib import Path
 
 import h5py
@@ -13,13 +12,13 @@ import numpy as np
 import pytest
 
 from fileio.formats.recording import RecordingWriter
-from piv.__main__ import main
 from piv.correlation.options import Options
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording
-from piv.sequence.chunks import Chunk, chunk_path, join, parts_of
+from piv.sequence.chunks import chunk_path, join, parts_of
 from piv.sequence.sequence import SequenceOptions, correlate_recording
+from tests.piv_command import made, piv
 from tests.studies.piv.particles import render
 
 SHAPE = (64, 80)
@@ -28,13 +27,13 @@ FRAMES = 12
 
 @pytest.fixture(scope="module")
 def recording_file(tmp_path_factory):
-    """Twelve small frames with mask, scale and a finger, whose directions must stay unit vectors."""
+    """Twelve small frames with mask, scale and a finger with unit direction vectors."""
     path = tmp_path_factory.mktemp("recording") / "images.h5"
     images = render(
         lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES))
     )
     attrs = {
-        "scale_m_per_px": 1e-4,
+        "scale_mm_per_px": 0.1,
         "origin_x_px": 3.0,
         "origin_y_px": 0.0,
         "frame_rate_hz": 500.0,
@@ -56,14 +55,14 @@ def recording_file(tmp_path_factory):
 @pytest.fixture(scope="module")
 def serial(recording_file, tmp_path_factory):
     out = tmp_path_factory.mktemp("serial") / "piv.h5"
-    assert main(["correlate", str(recording_file), "-o", str(out), "--quiet"]) == 0
+    made("correlate", recording_file, "-o", out)
     return out.read_bytes()
 
 
 def chunked(recording_file, out: Path, of: int, *more: str) -> None:
     for k in range(1, of + 1):
         assert (
-            main([*f"correlate {recording_file} -o {out} --quiet --chunk {k}/{of}".split(), *more])
+            piv(*f"correlate {recording_file} -o {out} --quiet --chunk {k}/{of}".split(), *more)
             == 0
         )
 
@@ -72,7 +71,7 @@ def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, seri
     out = tmp_path / "piv.h5"
     chunked(recording_file, out, 4)
     time.sleep(1.1)  # a time stamp in the file would differ
-    assert main(["join", str(out), "--quiet"]) == 0
+    made("join", out)
     assert out.read_bytes() == serial
     assert [p.name for p in tmp_path.iterdir()] == ["piv.h5"]
 
@@ -85,14 +84,14 @@ def test_a_finished_chunk_is_kept_unless_settings_changed(recording_file, tmp_pa
     chunked(recording_file, out, 2)
     assert first.stat().st_mtime_ns == before
     arguments = f"correlate {recording_file} -o {out} --quiet --chunk 1/2 --window 24".split()
-    assert main(arguments) == 0
+    assert piv(*arguments) == 0
     assert first.stat().st_mtime_ns > before
-    assert main(["join", str(out)]) == 2  # one half has other windows
+    assert piv("join", out) == 2  # one half has other windows
     assert "other settings" in capsys.readouterr().err
 
 
 def test_a_chunk_with_another_mask_is_made_anew_and_not_joined(recording_file, tmp_path):
-    """The mask is no setting of the correlation, but what is seen: half a series without it would not show."""
+    """The mask is no setting of the correlation, but part of the identity."""
     out = tmp_path / "piv.h5"
     body = np.zeros(SHAPE, bool)
     body[:, :40] = True
@@ -121,16 +120,13 @@ def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(
         part.unlink()
         if damage == "another file":
             shutil.copy(recording_file, part)
-        assert main(["join", str(out)]) == 2
+        assert piv("join", out) == 2
         said = capsys.readouterr().err
         assert str(part) in said
         assert "make it with the same piv correlate and --chunk 2/3" in said
         part.unlink(missing_ok=True)  # as it says
-        assert (
-            main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--chunk", "2/3"])
-            == 0
-        )
-    assert main(["join", str(out)]) == 0
+        made("correlate", recording_file, "-o", out, "--chunk", "2/3")
+    assert piv("join", out) == 0
 
 
 @pytest.mark.parametrize(
@@ -138,23 +134,12 @@ def test_a_chunk_that_is_missing_or_of_no_use_is_named_with_how_it_is_made(
     [["--chunk", "3"], ["--chunk", "0/2"], ["--chunk", "1/99"], ["--chunk", "1/2", "--ensemble"]],
 )
 def test_bad_chunks_end_with_one_sentence(recording_file, tmp_path, capsys, extra):
-    assert (
-        main(["correlate", str(recording_file), "-o", str(tmp_path / "x.h5"), "--quiet", *extra])
-        == 2
-    )
+    assert piv("correlate", recording_file, "-o", tmp_path / "x.h5", "--quiet", *extra) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_chunks_cover_every_field_once():
-    parts = [Chunk.of_series(99_999, k, 64) for k in range(1, 65)]
-    assert parts[0].first == 0
-    assert all(a.first + a.count == b.first for a, b in pairwise(parts))
-    assert parts[-1].first + parts[-1].count == 99_999
-    assert {part.count for part in parts} <= {1562, 1563}
-
-
 class Session(Recording):
-    """A recording session of any length that is drawn when it is looked at: shifted cuts of one picture."""
+    """A recording of any length, drawn on demand: shifted cuts of one picture."""
 
     def __init__(self, count: int) -> None:
         super().__init__("session", count, 500.0)
@@ -165,7 +150,7 @@ class Session(Recording):
 
 
 def test_memory_does_not_grow_with_the_chunk(tmp_path):
-    """A session of 100,000 frames: four times the fields take no more memory than the bookkeeping of their numbers."""
+    """Of 100,000 frames four times the fields take no more memory than the list of times."""
     peaks = []
     for fields in (8, 32):
         of = 99_999 // fields

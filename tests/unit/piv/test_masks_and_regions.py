@@ -1,4 +1,4 @@
-"""Masks per frame, polygons in time and regions of interest reach the correlation, in the whole picture's coordinates."""
+"""Masks per frame, polygons in time and regions, in the whole picture's coordinates."""
 
 import json
 
@@ -125,7 +125,7 @@ def test_polygons_in_metres_and_seconds(frames, tmp_path):
     with open_recording(frames, frame_rate_hz=10) as recording:
         with pytest.raises(ValueError, match="metres need its scale"):
             part_of_recording(recording, path)
-        recording.attrs |= {"scale_m_per_px": 1e-3, "origin_x_px": 10.0, "origin_y_px": 0.0}
+        recording.attrs |= {"scale_mm_per_px": 1.0, "origin_x_px": 10.0, "origin_y_px": 0.0}
         part = part_of_recording(recording, path)
         assert part.corner_px == (10.0, 0.0)
         assert part.shape == (101, 91)
@@ -173,7 +173,8 @@ def test_a_region_keeps_the_coordinates_of_the_whole_picture(frames, tmp_path):
         np.testing.assert_allclose(m["y"], px["y"] * 1e-3, atol=1e-12)
         np.testing.assert_allclose(m["u"], px["u"] * 1e-3 * 100, rtol=1e-6)
         assert m.attrs["origin_x_px"] == 10
-        # uniform displacement of (2, 1) px, second pair back; window 16 px, 1 % noise: 0.1 px is ten standard errors
+        # uniform displacement of (2, 1) px, second pair back; window 16 px, 1 % noise: 0.1 px is
+        # ten standard errors
         np.testing.assert_allclose(np.nanmedian(px["u"][0]), 2.0, atol=0.1)
 
 

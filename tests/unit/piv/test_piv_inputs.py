@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from piv.__main__ import main
 from piv.images.masks import read_polygon
+from tests.piv_command import made, piv
 
 
 @pytest.fixture
@@ -22,19 +22,20 @@ def test_an_input_is_not_written_over(pair, capsys, source):
     """Given by name, as a folder or by a glob."""
     a, before = pair[0], pair[0].read_bytes()
     given = [str(a.parent / name) for name in source]
-    assert main(["correlate", *given, "-o", str(a), "--quiet"]) == 2
+    assert piv("correlate", *given, "-o", a, "--quiet") == 2
     assert "give -o another name" in capsys.readouterr().err
     assert a.read_bytes() == before
 
 
-@pytest.mark.parametrize("words", [
-    ["correlate", "a.tif", "b.tif", "-o", "o.tif"], ["vortices", "v.h5", "-o", "o.h5"], ["join", "o"], ["render", "s.h5", "-o", "o.csv"],
-    ["plot", "v.h5", "-o", "o.jpg"], ["animate", "v.h5", "-o", "o.png"], ["stats", "v.h5", "-o", "o.csv"], ["view", "v.h5", "-o", "o.toml"],
-    ["derive", "v.h5", "-o", "o.nc"], ["profile", "v.h5", "-o", "o.h5", "--line", "0", "0", "1", "1"],
-    ["calibrate", "--scale-mm-per-px", "1", "-o", "o.toml"],
+@pytest.mark.parametrize("command, suffix", [
+    ("correlate a.tif b.tif", "tif"), ("vortices v.h5", "h5"), ("render s.h5", "csv"),
+    ("plot v.h5", "jpg"), ("animate v.h5", "png"), ("stats v.h5", "csv"), ("view v.h5", "toml"),
+    ("derive v.h5", "nc"), ("profile v.h5 --line 0 0 1 1", "h5"),
+    ("calibrate --scale-mm-per-px 1", "toml"),
 ])  # fmt: skip
-def test_an_output_is_named_by_what_it_is(capsys, words):
-    assert main(words) == 2
+def test_an_output_is_named_by_what_it_is(capsys, command, suffix):
+    words = command.split()
+    assert piv(*words, "-o", f"o.{suffix}") == 2
     assert f"piv {words[0]} writes ." in (said := capsys.readouterr().err)
     assert "; name it so\n" in said
 
@@ -42,38 +43,22 @@ def test_an_output_is_named_by_what_it_is(capsys, words):
 def test_a_result_beside_the_images_may_be_made_again(pair):
     output = pair[0].parent / "o.h5"
     for _ in range(2):
-        assert (
-            main(
-                ["correlate", str(pair[0].parent), "-o", str(output), "--preset", "fast", "--quiet"]
-            )
-            == 0
-        )
+        made("correlate", pair[0].parent, "-o", output, "--preset", "fast")
 
 
 @pytest.mark.parametrize(
     "options, words",
     [
-        (
-            ["--scale-mm-per-px", "0", "--frame-rate-hz", "500"],
-            "scale_mm_per_px = 0: give a positive number",
-        ),
-        (["--scale-mm-per-px", "nan", "--frame-rate-hz", "500"], "scale_mm_per_px = nan"),
-        (
-            ["--scale-mm-per-px", "0.1", "--frame-rate-hz", "5", "--origin-x-px", "inf"],
-            "origin_x_px = inf",
-        ),
-        (["--scale-mm-per-px", "0.1"], "give frame_rate_hz too"),
-        (["--search", "5000"], "search must be between 16 and 1024 px, got 5000"),
-        (
-            ["--least-window", "64", "--window", "32"],
-            "least_window must be between 8 and 32 px (window), got 64",
-        ),
+        ("--scale-mm-per-px 0 --frame-rate-hz 500", "scale_mm_per_px = 0: give a positive number"),
+        ("--scale-mm-per-px nan --frame-rate-hz 500", "scale_mm_per_px = nan"),
+        ("--scale-mm-per-px 0.1 --frame-rate-hz 5 --origin-x-px inf", "origin_x_px = inf"),
+        ("--scale-mm-per-px 0.1", "give frame_rate_hz too"),
+        ("--search 5000", "search must be between 16 and 1024 px, got 5000"),
+        ("--least-window 64 --window 32", "between 8 and 32 px (window), got 64"),
     ],
 )
 def test_numbers_of_the_camera_are_looked_at(pair, tmp_path, capsys, options, words):
-    assert (
-        main(["correlate", *map(str, pair), "-o", str(tmp_path / "o.h5"), "--quiet", *options]) == 2
-    )
+    assert piv("correlate", *pair, "-o", tmp_path / "o.h5", "--quiet", *options.split()) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "o.h5").exists()
 

@@ -13,13 +13,13 @@ import xarray as xr
 from fileio.formats.plane_series import read_plane
 from fileio.formats.recording import RecordingWriter
 from fileio.formats.resumable import SeriesWriter
-from piv.__main__ import main
 from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.images.open_recording import open_recording
 from piv.sequence.multiframe import correlate_frames
-from piv.sequence.sequence import SequenceOptions, correlate_recording, frame_sets
+from piv.sequence.sequence import SequenceOptions, correlate_recording
+from tests.piv_command import made, piv
 from tests.studies.piv.particles import render
 
 SHAPE = (96, 128)
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
 def recording_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "images.h5"
     attrs = {
-        "scale_m_per_px": 1e-4,
+        "scale_mm_per_px": 0.1,
         "origin_x_px": 10.0,
         "origin_y_px": -5.0,
         "frame_rate_hz": 500.0,
@@ -62,12 +62,7 @@ def recording_file(tmp_path_factory):
 
 def test_two_images_on_the_command_line(folder, tmp_path):
     out = tmp_path / "out.h5"
-    assert (
-        main(
-            ["correlate", str(folder / "f0.tif"), str(folder / "f1.tif"), "-o", str(out), "--quiet"]
-        )
-        == 0
-    )
+    made("correlate", folder / "f0.tif", folder / "f1.tif", "-o", out)
     with read_plane(out) as plane:
         assert plane.sizes["time"] == 1
         assert plane["u"].attrs["units"] == "px"
@@ -90,17 +85,15 @@ def test_pictures_that_lost_detail_are_told_before_the_work(folder, tmp_path, ca
 
     monkeypatch.setattr("piv.commands.correlate.correlate_recording", correlated)
     output = ["-o", str(tmp_path / "out.h5"), "--quiet"]
-    assert main(["correlate", *given, *output]) == 0
+    assert piv("correlate", *given, *output) == 0
     tifs = [str(folder / f"f{k}.tif") for k in (0, 1)]
-    assert main(["correlate", *tifs, *output]) == 0
+    assert piv("correlate", *tifs, *output) == 0
     assert [said.count("JPEG loses detail of the particles") for said in calls] == [1, 0]
 
 
 def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
     out = tmp_path / "piv.h5"
-    assert (
-        main(["correlate", str(recording_file), "-o", str(out), "--quiet", "--threads", "2"]) == 0
-    )
+    made("correlate", recording_file, "-o", out, "--threads", "2")
     with read_plane(out) as plane:
         assert plane["u"].attrs["units"] == "m/s"
         assert float(plane["u"].median()) == pytest.approx(2 * 1e-4 * 500, rel=0.02)
@@ -139,15 +132,15 @@ def test_interrupted_run_resumes_and_keeps_what_was_finished(folder, tmp_path, m
 
     monkeypatch.setattr(SeriesWriter, "write", stop_after_two)
     arguments = ["correlate", str(folder), "-o", str(out), "--quiet"]
-    assert main(arguments) == 130
+    assert piv(*arguments) == 130
     assert not out.exists()
     monkeypatch.setattr(
         SeriesWriter, "write", lambda self, i, f: (written.append(i), original(self, i, f))
     )
-    assert main(arguments) == 0
+    assert piv(*arguments) == 0
     assert sorted(written) == [0, 1, 2, 3, 4]
     straight = tmp_path / "straight.h5"
-    assert main(["correlate", str(folder), "-o", str(straight), "--quiet"]) == 0
+    made("correlate", folder, "-o", straight)
     xr.testing.assert_identical(
         xr.load_dataset(out, engine="h5netcdf"), xr.load_dataset(straight, engine="h5netcdf")
     )
@@ -157,7 +150,7 @@ def test_part_of_other_settings_or_damaged_is_begun_anew(folder, tmp_path):
     out = tmp_path / "out.h5"
     part = out.with_name("out.h5.part")
     part.write_bytes(b"not a file of this kind")
-    assert main(["correlate", str(folder), "-o", str(out), "--quiet", "--every", "5"]) == 0
+    made("correlate", folder, "-o", out, "--every", "5")
     with h5py.File(out) as file:
         assert file["u"].shape[0] == 1
         assert "_done" not in file
@@ -181,13 +174,12 @@ def test_wrong_settings_in_memory(folder, tmp_path, settings, message):
         make(folder, tmp_path / "out.h5", settings, quiet=True)
 
 
-@pytest.mark.parametrize(
-    "extra",
-    [["--pairing", "1-3"], ["--frames", "4"], ["--frames", "9"], ["--threads", "0"], ["--window", "500"], ["--preset", "x"],
-     ["--mask", "nowhere.png"], ["--preprocess", "magic=1"], ["--preprocess", "none,cap=3"]],
-)  # fmt: skip
-def test_bad_flags_end_with_one_sentence(folder, tmp_path, capsys, extra):
-    assert main(["correlate", str(folder), "-o", str(tmp_path / "x.h5"), "--quiet", *extra]) == 2
+BAD = "pairing=1-3 frames=4 frames=9 threads=0 window=500 preset=x mask=nowhere.png"
+
+
+@pytest.mark.parametrize("flag", [*BAD.split(), "preprocess=magic=1", "preprocess=none,cap=3"])
+def test_bad_flags_end_with_one_sentence(folder, tmp_path, capsys, flag):
+    assert piv("correlate", folder, "-o", tmp_path / "x.h5", "--quiet", f"--{flag}") == 2
     said = capsys.readouterr().err.strip()
     assert said.startswith("piv correlate: ")
     assert "\n" not in said
@@ -200,7 +192,7 @@ def test_ensemble_and_multi_frame_and_couples(folder, tmp_path, capsys):
         ("c", ["--pairing", "1-2,3-4"], 3),
     ):
         out = tmp_path / f"{name}.h5"
-        assert main(["correlate", str(folder), "-o", str(out), "--quiet", *extra]) == 0
+        made("correlate", folder, "-o", out, *extra)
         with read_plane(out) as plane:
             assert plane.sizes["time"] == count
             assert float(plane["u"].median()) == pytest.approx(2, abs=0.03)
@@ -208,11 +200,6 @@ def test_ensemble_and_multi_frame_and_couples(folder, tmp_path, capsys):
         assert ("could not be measured in 4 of 4 fields" in capsys.readouterr().err) == (
             name == "m"
         )
-
-
-def test_frame_sets():
-    assert frame_sets(5, SequenceOptions(skip=1)) == [(0, 2), (1, 3), (2, 4)]
-    assert frame_sets(6, SequenceOptions(frames=5)) == [(0, 1, 2, 3, 4), (1, 2, 3, 4, 5)]
 
 
 def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
@@ -248,6 +235,5 @@ def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
     assert error(five)[1] == pytest.approx(
         np.hypot(*slope), abs=0.03
     )  # frames' own shifts to 0.01 px
-    assert (
-        error(correlate_frames(frames, shake=False))[0] > 1.2 * error(five)[0]
-    )  # 1.5 here, 4 to 16 of other shakes
+    # 1.5 here, 4 to 16 of other shakes
+    assert error(correlate_frames(frames, shake=False))[0] > 1.2 * error(five)[0]

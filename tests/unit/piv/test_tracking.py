@@ -40,12 +40,6 @@ def test_a_gap_is_bridged_and_a_long_one_is_not():
     assert tracker.update(14.0, [at(4.2, 0)]) == [1]
 
 
-def test_opposite_sense_never_continues_a_track():
-    tracker = Tracker()
-    tracker.update(0.0, [at(0, 0, 1.0)])
-    assert tracker.update(1.0, [at(0, 0, -1.0)]) == [1]
-
-
 def test_numbers_are_never_used_twice_and_time_must_ascend():
     tracker = Tracker()
     assert tracker.update(0.0, [at(0, 0), at(50, 0)]) == [0, 1]

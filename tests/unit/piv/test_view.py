@@ -14,11 +14,11 @@ import pytest
 
 from fileio.formats.plane_series import make_plane, write_plane
 from piv import open_recording, part_of_recording
-from piv.__main__ import main
 from piv.commands import view
 from piv.foreign.read import with_units
 from piv.view.regions import clipped, write_regions
 from piv.view.scene import open_scene
+from tests.piv_command import piv
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 SQUARE = [[10.0, 10.0], [30.0, 10.0], [30.0, 40.0]]
@@ -87,7 +87,7 @@ def test_a_region_is_cut_at_the_picture():
 
 def test_without_the_library_one_sentence(folder, monkeypatch, capsys):
     monkeypatch.setattr(view, "find_spec", lambda name: None)
-    assert main(["view", str(folder / "piv.h5")]) == 2
+    assert piv("view", folder / "piv.h5") == 2
     assert "requirements-view.lock" in capsys.readouterr().err
 
 

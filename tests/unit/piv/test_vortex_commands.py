@@ -7,9 +7,9 @@ import pytest
 
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.formats.vortex_table import read_vortices
-from piv.__main__ import main
 from piv.commands import render, vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from tests.piv_command import made, piv
 
 
 def write_series(path, n=5, time=True, finger=True):
@@ -31,9 +31,7 @@ def write_series(path, n=5, time=True, finger=True):
 
 def test_vortices_of_a_series_are_one_track_in_the_tip_frame(tmp_path):
     write_series(tmp_path / "piv.h5")
-    assert (
-        main(["vortices", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
-    )
+    made("vortices", tmp_path / "piv.h5", "-o", tmp_path / "v.csv")
     table = read_vortices(tmp_path / "v.csv")
     assert list(table["track"]) == [0] * 5
     assert set(table["side"]) == {"dorsal"}
@@ -56,15 +54,13 @@ def test_processes_change_no_bit(tmp_path):
             str(tmp_path / f"{count}.csv"),
             "--quiet",
         ]
-        assert main([*words, "--threads", count]) == 0
+        assert piv(*words, "--threads", count) == 0
     assert (tmp_path / "1.csv").read_bytes() == (tmp_path / "2.csv").read_bytes()
 
 
 def test_single_plane_in_pixels_needs_no_other_option(tmp_path):
     write_series(tmp_path / "pair.h5", time=False)
-    assert (
-        main(["vortices", str(tmp_path / "pair.h5"), "-o", str(tmp_path / "v.csv"), "--quiet"]) == 0
-    )
+    made("vortices", tmp_path / "pair.h5", "-o", tmp_path / "v.csv")
     table = read_vortices(tmp_path / "v.csv")
     assert len(table) == 1
     assert table["x"][0] == pytest.approx(0.018 / 1.25e-4, rel=1e-3)
@@ -83,14 +79,14 @@ def test_settings_in_memory(tmp_path):
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
-    assert main(["vortices", str(tmp_path / "none.h5"), "-o", str(tmp_path / "v.csv")]) == 2
+    assert piv("vortices", tmp_path / "none.h5", "-o", tmp_path / "v.csv") == 2
     assert capsys.readouterr().err.strip().endswith("none.h5: no such file")
     write_series(tmp_path / "piv.h5")
     args = ["render", str(tmp_path / "piv.h5"), "-o", str(tmp_path / "i.h5"), "--quiet"]
-    assert main(args) == 2
+    assert piv(*args) == 2
     assert "the camera sees x from" in capsys.readouterr().err
     assert (
-        main([*args, "--width-px", "64", "--height-px", "48", "--no-truth", "--density-ppp", "-1"])
+        piv(*args, "--width-px", "64", "--height-px", "48", "--no-truth", "--density-ppp", "-1")
         == 2
     )
     assert "density_ppp must be positive" in capsys.readouterr().err
@@ -99,12 +95,10 @@ def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
 def test_render_writes_recording_and_truth(tmp_path):
     write_series(tmp_path / "piv.h5")
     args = f"render {tmp_path / 'piv.h5'} -o {tmp_path / 'i.h5'} --quiet --seed 3".split()
-    assert main([*args, "--width-px", "128", "--height-px", "96"]) == 0
+    assert piv(*args, "--width-px", "128", "--height-px", "96") == 0
     assert (tmp_path / "i.h5").exists()
-    assert (
-        main(["vortices", str(tmp_path / "i_truth.h5"), "-o", str(tmp_path / "t.csv"), "--quiet"])
-        == 0
-    )
+    made("vortices", tmp_path / "i_truth.h5", "-o", tmp_path / "t.csv")
     table = read_vortices(tmp_path / "t.csv")
-    # at mid-times, in the middle between two frames' vortices; the frame interval's curvature moves it by micrometres
+    # at mid-times, in the middle between two frames' vortices; the frame interval's curvature moves
+    # it by micrometres
     np.testing.assert_allclose(table["x"], 0.0181 + 2e-4 * np.arange(4), atol=2e-5)

@@ -1,4 +1,4 @@
-"""Uncertain vectors that are known count in all that is computed from a field as if they were valid; unknown ones do not."""
+"""Known uncertain vectors count as valid ones in all quantities of a field."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,9 @@ def test_without_value_or_uncertainty_no_vector_is_usable(unsure, name):
 
 
 def test_uncertain_vectors_weigh_less_in_the_fit_of_a_vortex(unsure):
-    """Those of the core are made a tenth too fast: at ten times the others' uncertainty they shift the circulation by 0.2 %, at the same by 10 %."""
+    """Core vectors a tenth too fast shift the circulation by 0.2 % at ten times the
+    uncertainty, by 10 % at the same.
+    """
     plane = unsure.isel(time=0)
     wrong = plane.assign({n: xr.where(CORE, 1.1 * plane[n], plane[n]) for n in ("u", "v")})
     far = wrong.assign({n: xr.where(CORE, 10 * plane[n], plane[n]) for n in ("u_std", "v_std")})

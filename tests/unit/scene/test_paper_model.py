@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pipeline.fea.paper_equations import bend
 
-# P kPa, γ °, R mm for w = 24 mm, θ = 15°: the paper's equations, computed by awk
+# P kPa, γ °, R mm for w = 24 mm, θ = 15°: the equations worked out in awk
 TABLE = np.array(
     [
         (-40, -200.244, -20.0291), (-30, -152.314, -26.3318), (-20, -103.347, -38.8082),

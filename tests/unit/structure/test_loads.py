@@ -1,4 +1,4 @@
-"""Loads on slices: nothing is lost, each face goes to its slice; the deflection of a beam under an even load; given stiffness."""
+"""Loads on slices lose nothing; the deflection of a beam under an even load."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from fileio.formats.bending_states import States, read
-from fileio.formats.finger_loads import deflection_sentence
 from pipeline.structure.chain import Chain, placed
 from pipeline.structure.deflection import deflections, prescribed
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
@@ -82,26 +81,3 @@ def test_given_stiffness_takes_the_place_of_the_analysis():
     plain = States(STATES.pressure, STATES.profile, STATES.thickness)
     assert bending_law(plain, None) is None
     assert bending_law(plain, 1e-3).rubber_mass == 0
-
-
-def test_contact_makes_the_law_of_the_shipped_finger_one_sided():
-    joint = law_at(STATES.law, STATES.pressure, -2e4)
-    moment = np.array([-3e-3, 3e-3])
-    dorsal, ventral = np.abs(joint.change(moment))
-    assert ventral > 1.1 * dorsal
-    np.testing.assert_allclose(joint.moment(joint.change(moment)), moment, rtol=0.05)
-
-
-def test_the_check_in_words():
-    values = {
-        "largest_deflection": -0.3,
-        "largest_at": 0.038,
-        "bend_then": 0.04,
-        "stroke": 1.5,
-        "unknown": "",
-    }
-    assert "at 0.038 s, where the finger is at 2.3°" in deflection_sentence(values)
-    assert "by -17.2°, 20% of the stroke, if giving way did not lessen them" in deflection_sentence(
-        values
-    )
-    assert deflection_sentence({"unknown": "The body is rigid."}) == "The body is rigid."

@@ -8,14 +8,14 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.records import RUN
-from pipeline.study.ask_accuracy import (
+from pipeline.study.accuracy import (
     Setting,
-    accuracy,
-    budget,
     choose,
-    judges_doubt,
-    predicted,
+    parse_accuracy,
+    parse_budget,
+    predicted_time,
     read_results,
+    reference_warning,
 )
 from pipeline.study.plan import Row
 from postprocess.draw.style import save
@@ -80,20 +80,20 @@ def test_the_cheapest_accurate_setting_and_the_best_in_time():
 
 def test_a_machine_of_half_the_speed_takes_twice_as_long():
     there, here = {"solver": 0.5, "images": 0.2}, {"solver": 1.0, "images": 0.4}
-    assert predicted(SETTINGS[0], there, here) == pytest.approx(90)
-    assert predicted(SETTINGS[0], there, {"solver": 1.0, "images": 0.2}) == pytest.approx(85)
+    assert predicted_time(SETTINGS[0], there, here) == pytest.approx(90)
+    assert predicted_time(SETTINGS[0], there, {"solver": 1.0, "images": 0.2}) == pytest.approx(85)
 
 
 def test_accuracy_and_budget():
     for text, value in (("5%", 0.05), ("0.05", 0.05), (" 2.5 %", 0.025)):
-        assert accuracy(text) == pytest.approx(value)
+        assert parse_accuracy(text) == pytest.approx(value)
     for text, value in (("10min", 600), ("2h", 7200), ("90s", 90)):
-        assert budget(text) == value
+        assert parse_budget(text) == value
 
 
 @pytest.mark.parametrize(
     "read, texts",
-    [(accuracy, ("five", "500%", "0.0.5")), (budget, ("10", "0min", "1 year", ".min"))],
+    [(parse_accuracy, ("five", "500%", "0.0.5")), (parse_budget, ("10", "0min", "1 year", ".min"))],
 )
 def test_invalid_accuracies_and_budgets_are_refused(read, texts):
     for text in texts:
@@ -161,9 +161,11 @@ def test_figure_and_results_that_can_be_chosen_from(tmp_path):
     table.loc[table["run"] == "medium", "error"] = 0.06
     write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
     _, head = read_results(path)
-    assert "against medium, whose own is estimated at 6.0%" in judges_doubt(head, 0.05)
-    assert judges_doubt(head, 0.07) == ""
-    assert judges_doubt({"best": "medium"}, 0.01) == ""  # an older table
+    assert "relative to medium, whose own error is estimated at 6.0%" in reference_warning(
+        head, 0.05
+    )
+    assert reference_warning(head, 0.07) == ""
+    assert reference_warning({"best": "medium"}, 0.01) == ""  # an older table
     # the best has no error, PIV is no flow
     assert [s.row.run for s in settings] == ["draft", "draft_2d"]
     # the sampling rate of the study is no setting
@@ -180,9 +182,10 @@ def test_the_finest_finished_run_is_the_reference(tmp_path):
         ("gone", 200, 400, "vortices_cfd"),
         ("piv", 10, 400, "vortices"),
     ):
-        folder = tmp_path / name
-        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
-        RUN.write(folder / "out" / "draft" / "run" / "run.json", {"cells": cells, "steps": steps})
+        out = tmp_path / name
+        row = {"run": name, "folder": "cases/single_finger", "level": "draft", "until": until}
+        rows.append(row | {"overrides": {}, "out": str(out)})
+        RUN.write(out / "run" / "run.json", {"cells": cells, "steps": steps})
     assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
     with pytest.raises(ValueError, match="no finished run"):
         finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})

@@ -1,7 +1,4 @@
-"""Ask for accuracy, or for a time, not for settings: the cheapest setting measured to reach it (make tradeoff).
-
-Command: python -m pipeline choose cases/single_finger --accuracy 5% (make single_finger ACCURACY=5%, or BUDGET=10min)
-"""
+"""Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
 
 from __future__ import annotations
 
@@ -21,15 +18,14 @@ from pipeline.runs.stages import BY_NAME, STAGES
 from pipeline.study.machine_speed import probe
 from pipeline.study.rows import Row, parse_cell
 
-STUDY = "asked"
-NUMBER = r"(\d+\.?\d*|\.\d+)"
-UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
-OF_THE_STUDY = {"sheet.rate_hz"}  # varied there to save time, not as a setting
+_NUMBER = r"(\d+\.?\d*|\.\d+)"
+_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
+_NOT_A_SETTING = {"sheet.rate_hz"}  # the study reduces it to save time
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One measured setting: its scene's overrides, its error, CPU seconds by stage."""
+    """A measured setting: overrides of the scene, relative error, CPU seconds by stage."""
 
     row: Row
     error: float
@@ -37,19 +33,21 @@ class Setting:
 
 
 def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
-    """Settings of a table of results, and its head: `probe` of the machine that measured them, `best` run, and that run's own `best_error` where it was estimated."""
+    """Settings of a table of results, and its head; StageError where it is missing or unusable.
+
+    The head has the `probe` of the machine that measured, the name of the `best` run (the
+    reference of the errors), and `best_error`, its own error, where it was estimated.
+    """
     if not path.exists():
         raise StageError(
-            f"{path}: no measured settings for this scene; make them with make tradeoff SCENE={path.stem}"
+            f"{path}: no measured settings for this scene; measure them with make tradeoff"
+            f" SCENE={path.stem}"
         )
     lines = path.read_text(encoding="utf-8").splitlines()
     remedy = f"make it anew with make tradeoff SCENE={path.stem}"
-    try:
-        head: dict[str, Any] = next(
-            (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
-        )
-    except ValueError as error:
-        raise StageError(str(error)) from None
+    head: dict[str, Any] = next(
+        (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
+    )
     settings = []
     for record in csv.DictReader(line for line in lines if not line.startswith("#")):
         if record["run"] == head.get("best") and record["error"]:
@@ -58,7 +56,9 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
         if not record["error"] or record["kind"] != "flow" or not seconds:
             continue
         overrides = {
-            k: parse_cell(v) for k, v in record.items() if "." in k and v and k not in OF_THE_STUDY
+            k: parse_cell(v)
+            for k, v in record.items()
+            if "." in k and v and k not in _NOT_A_SETTING
         }
         row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
         settings.append(Setting(row, float(record["error"]), seconds))
@@ -67,30 +67,25 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
     return settings, head
 
 
-def results_of(scene: Path) -> Path:
-    """What make tradeoff has measured of a scene."""
-    return scene / "studies" / "results" / "tradeoff.csv"
-
-
-def accuracy(text: str) -> float:
-    """0.05 of "5%" or "0.05"."""
-    match = re.fullmatch(rf"\s*{NUMBER}\s*(%?)\s*", text)
+def parse_accuracy(text: str) -> float:
+    """Relative error of a text such as "5%" or "0.05"."""
+    match = re.fullmatch(rf"\s*{_NUMBER}\s*(%?)\s*", text)
     value = float(match.group(1)) * (0.01 if match.group(2) else 1.0) if match else -1.0
     if not 0 < value < 1:
         raise StageError(f"ACCURACY={text}: give a share between 0 and 1, as 5% or 0.05")
     return value
 
 
-def budget(text: str) -> float:
-    """Seconds of "10min", "2h" or "90s"."""
-    match = re.fullmatch(rf"\s*{NUMBER}\s*([a-z]+)\s*", text)
-    if not match or match.group(2) not in UNITS or float(match.group(1)) <= 0:
+def parse_budget(text: str) -> float:
+    """Seconds of a text such as "10min", "2h" or "90s"."""
+    match = re.fullmatch(rf"\s*{_NUMBER}\s*([a-z]+)\s*", text)
+    if not match or match.group(2) not in _UNITS or float(match.group(1)) <= 0:
         raise StageError(f"BUDGET={text}: give a time, as 10min, 2h or 90s")
-    return float(match.group(1)) * UNITS[match.group(2)]
+    return float(match.group(1)) * _UNITS[match.group(2)]
 
 
-def predicted(setting: Setting, there: dict[str, float], here: dict[str, float]) -> float:
-    """CPU seconds of a setting on this machine, from those measured there and the probes of both."""
+def predicted_time(setting: Setting, there: dict[str, float], here: dict[str, float]) -> float:
+    """CPU seconds of a setting here; there, here: probes of the measuring and this machine."""
     ratio = {piece: here[piece] / there[piece] for piece in there}
     return sum(
         seconds * ratio["solver" if BY_NAME[stage].ranks else "images"]
@@ -101,9 +96,9 @@ def predicted(setting: Setting, there: dict[str, float], here: dict[str, float])
 def choose(
     settings: list[Setting], times: list[float], most_error: float | None, most_time: float | None
 ) -> int:
-    """Index of the cheapest setting within `most_error`, or of the most accurate within `most_time` (s).
+    """Index of the cheapest setting within `most_error`, or the most accurate in `most_time` (s).
 
-    Raises StageError that names the nearest where there is none.
+    StageError with the nearest setting where there is none.
     """
     order = range(len(settings))
     if most_error is not None:
@@ -111,8 +106,9 @@ def choose(
         if not good:
             best = min(order, key=lambda k: settings[k].error)
             raise StageError(
-                f"no measured setting reaches {100 * most_error:.3g} %; the best, {settings[best].row.run}, is within"
-                f" {100 * settings[best].error:.3g} %: ask for that, or set the scene finer yourself"
+                f"no measured setting reaches {100 * most_error:.3g} %; the best,"
+                f" {settings[best].row.run}, is within {100 * settings[best].error:.3g} %: give"
+                " that, or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
     assert most_time is not None
@@ -120,26 +116,30 @@ def choose(
     if not good:
         fast = min(order, key=lambda k: times[k])
         raise StageError(
-            f"nothing is done in {most_time:.0f} s; the fastest, {settings[fast].row.run}, takes {times[fast]:.0f} s"
+            f"no measured setting takes {most_time:.0f} s or less; the fastest,"
+            f" {settings[fast].row.run}, takes {times[fast]:.0f} s"
         )
     return min(good, key=lambda k: settings[k].error)
 
 
-def judges_doubt(head: dict[str, Any], error: float) -> str:
-    """A sentence where an `error` is smaller than the own one of the run that judged it; empty otherwise, or where that is not known."""
+def reference_warning(head: dict[str, Any], error: float) -> str:
+    """A sentence where `error` is below that of the reference run; empty otherwise."""
     own = head.get("best_error")
     if own is None or error >= own:
         return ""
-    return f"the errors are those against {head['best']}, whose own is estimated at {own:.1%}: below that they are not known"
+    return (
+        f"errors are relative to {head['best']}, whose own error is estimated at {own:.1%}:"
+        " smaller ones are not known"
+    )
 
 
-def run_asked(folder: Path, accuracy_text: str, budget_text: str, jobs: int, quiet: bool) -> Run:
-    """Make the run of the setting that is asked for, to its report. StageError."""
-    error = accuracy(accuracy_text) if accuracy_text else None
-    time = budget(budget_text) if budget_text else None
-    settings, head = read_results(results_of(folder))
+def make_cheapest(folder: Path, accuracy: str, budget: str, jobs: int, quiet: bool) -> Run:
+    """Make the report of the setting that `choose` gives for an accuracy or a budget."""
+    error = parse_accuracy(accuracy) if accuracy else None
+    time = parse_budget(budget) if budget else None
+    settings, head = read_results(folder / "studies" / "results" / "tradeoff.csv")
     here = probe()
-    times = [predicted(setting, head["probe"], here) for setting in settings]
+    times = [predicted_time(setting, head["probe"], here) for setting in settings]
     index = choose(settings, times, error, time)
     row, found = settings[index].row, settings[index].error
     run = open_run(folder, row.level, row.overrides, folder / "out" / "asked" / row.run)
@@ -148,15 +148,14 @@ def run_asked(folder: Path, accuracy_text: str, budget_text: str, jobs: int, qui
             f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
             f" {found:.1%}; about {times[index]:.0f} s of CPU on this machine"
         )
-        if doubt := judges_doubt(head, max(error or 0.0, found)):
-            print(doubt)
+        if warning := reference_warning(head, max(error or 0.0, found)):
+            print(warning)
         if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
-            print(f"not counted, as nothing measured it: {', '.join(unknown)}")
+            print(f"not counted, because not measured: {', '.join(unknown)}")
     make(run, "report", Machine(row.ranks, jobs), quiet)
     if not quiet:
         records = [read_record(run.out, stage.name) for stage in STAGES]
         cpu = sum(record["cpu_time"] for record in records if record)
-        print(
-            f"took {cpu:.0f} s of CPU; predicted {times[index]:.0f} s, {cpu / times[index] - 1:+.0%}"
-        )
+        ratio = cpu / times[index] - 1
+        print(f"took {cpu:.0f} s of CPU; predicted {times[index]:.0f} s, {ratio:+.0%}")
     return run

@@ -1,0 +1,13 @@
+"""The commands of `piv` in a test's own process."""
+
+from piv.__main__ import main
+
+
+def piv(*words) -> int:
+    """Exit code of `piv` with these words."""
+    return main([str(word) for word in words])
+
+
+def made(*words) -> None:
+    """Run `piv` quietly; it must succeed."""
+    assert piv(*words, "--quiet") == 0
