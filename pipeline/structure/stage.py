@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,7 @@ class _Finger:
     turns: Callable[[FloatArray], FloatArray]  # elastic rotations (time, slice), rad
     frame: FloatArray  # of the actuator, as `axes` gives it
     root: FloatArray  # m
+    water: Surroundings
 
 
 def _elastic_turns(scene: Scene, slices: int) -> Callable[[FloatArray], FloatArray]:
@@ -107,15 +108,12 @@ def _measured_loads(
     }
 
 
-def _check(
-    finger: _Finger, kinematics: Kinematics, density: float, values: dict[str, Any]
-) -> dict[str, Any]:
+def _check(finger: _Finger, kinematics: Kinematics, values: dict[str, Any]) -> dict[str, Any]:
     """What the loads would bend, for loads.h5; of a pinch before its contact."""
-    chain, around = finger.chain, Surroundings(gravity(finger.frame), density)
-    time, pressure = values["time"], values["pressure"]
+    chain, time, pressure = finger.chain, values["time"], values["pressure"]
     at, rates = prescribed(chain, finger.chambers, time)
     loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
-    wet, dry = (deflections(chain, pressure, at, rates, around, k * loads) for k in (1, 0))
+    wet, dry = (deflections(chain, pressure, at, rates, finger.water, k * loads) for k in (1, 0))
     free = time < float(kinematics.data.attrs.get("contact_time", np.inf))
     most = int(np.argmax(np.where(free, np.abs(wet), -1.0)))
     bend = kinematics.bend(kinematics.law(time))
@@ -129,23 +127,20 @@ def _check(
     }
 
 
-def _history(
-    finger: _Finger, end: float, density: float, rubber: float, values: dict[str, Any]
-) -> dict[str, Any]:
+def _history(finger: _Finger, end: float, values: dict[str, Any]) -> dict[str, Any]:
     """The motion at the finger's time steps, also without load and without water; energies.
 
-    `end`: of the motion, s; `density` kg/m³; `rubber`: its damping, s.
+    `end`: of the motion, s.
     """
-    chain, here = finger.chain, gravity(finger.frame)
+    chain, water = finger.chain, finger.water
     time = np.linspace(0.0, end, round(end / STEP) + 1)
     pressure, delta = finger.chambers(time), finger.turns(time)
     none = np.zeros((len(time), chain.slices, 3))
-    in_air = motion(chain, pressure, time[1], Surroundings(here, damping=rubber), none)
+    in_air = motion(chain, pressure, time[1], replace(water, fluid=0.0), none)
     found: dict[str, Any] = {"step": time}
     for name, turn in {"": delta, "_unloaded": 0 * delta, "_in_air": in_air}.items():
         found[f"bend{name}"] = chain.bend(pressure, turn)
         found[f"tip{name}"] = chain.profile(pressure, turn)[:, -1] @ finger.frame + finger.root
-    water = Surroundings(here, density, damping=rubber)
     return found | energies(chain, pressure, delta, time[1], water, loads_at(values, time))
 
 
@@ -161,25 +156,25 @@ def run(scene: Scene, quiet: bool = False) -> None:
     known = bending_law(states, scene.structure.bending_stiffness)
     law = known or constant_law(1.0, 0.0, len(states.pressure))
     chain = Chain(states, law, scene.finger.width)
+    frame = axes(scene.finger)
     finger = _Finger(
         chain,
         CubicSpline(time, pressure),
         _elastic_turns(scene, chain.slices),
-        axes(scene.finger),
+        frame,
         np.asarray(scene.finger.root),
+        Surroundings(gravity(frame), scene.fluid.density, damping=scene.structure.damping),
     )
-    density = scene.fluid.density
     coupled = scene.motion.shapes is not None
     touches = "contact_time" in kinematics.data.attrs
     stopped = kinematics.law if coupled and touches else None
     values = _measured_loads(scene, finger, stopped, quiet)
     if known and (scene.pinch is None or (coupled and not touches)):
-        rubber, end = scene.structure.damping, scene.motion.end_time
-        values |= _history(finger, end, density, rubber, values)
+        values |= _history(finger, scene.motion.end_time, values)
     if coupled:
         values["unknown"] = _HELD if touches else _COUPLED
     elif known:
-        values |= _check(finger, kinematics, density, values) | {"unknown": ""}
+        values |= _check(finger, kinematics, values) | {"unknown": ""}
     else:
         values["unknown"] = _UNKNOWN
     write_loads(scene.out, values)
