@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from fileio.formats.bending_states import BendingLaw, FloatArray
+from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
 
 # of the table's last interval, along its slope: where Newton's method may try
 _BEYOND = 4.0
@@ -60,3 +60,15 @@ def constant_law(stiffness: float, neutral_axis: float, states: int) -> BendingL
         rubber_height=0.0,
         clamped_length=0.0,
     )
+
+
+def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
+    """The law of the states, with EI = `stiffness` (N m²) where it is known; None if neither is."""
+    law = states.law if isinstance(states, BendingStates) else None
+    if stiffness is None:
+        return law
+    constant = constant_law(stiffness, 0.0, len(states.pressure))
+    if law is None:
+        return constant
+    same = {name: getattr(constant, name) for name in ("stiffness", "moment", "curvature")}
+    return replace(law, **same)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
-from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
+from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import deflection_sentence, write_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
@@ -20,7 +21,7 @@ from pipeline.scene.scene import Scene
 from pipeline.structure.chain import Chain, ComplexArray, placed
 from pipeline.structure.coupling import loads_at
 from pipeline.structure.deflection import deflections, prescribed
-from pipeline.structure.elastic_law import constant_law
+from pipeline.structure.elastic_law import bending_law, constant_law
 from pipeline.structure.energy import energies
 from pipeline.structure.loads import slice_loads, surface_forces
 from pipeline.structure.motion import STEP, Surroundings, motion
@@ -41,22 +42,9 @@ _HELD = (
 )
 
 
-def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
-    """The law of the states, with EI = `stiffness` (N m²) where it is known; None if neither is."""
-    law = states.law if isinstance(states, BendingStates) else None
-    if stiffness is None:
-        return law
-    constant = constant_law(stiffness, 0.0, len(states.pressure))
-    if law is None:
-        return constant
-    same = {name: getattr(constant, name) for name in ("stiffness", "moment", "curvature")}
-    return replace(law, **same)
-
-
-def gravity(scene: Scene) -> complex:
-    """In the actuator's frame, m/s²."""
-    along, ventral = axes(scene.finger) @ [0.0, -_GRAVITY]
-    return complex(along, ventral)
+def gravity(frame: FloatArray) -> complex:
+    """In the actuator's frame, m/s²; `frame` as `axes` gives it."""
+    return complex(*(frame @ [0.0, -_GRAVITY]))
 
 
 def _plane(vectors: FloatArray) -> ComplexArray:
@@ -64,35 +52,47 @@ def _plane(vectors: FloatArray) -> ComplexArray:
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1], dtype=complex)
 
 
-def _elastic_turns(scene: Scene, chain: Chain, time: FloatArray) -> FloatArray:
-    """Elastic rotations (time, slice) of the motion that was run; none of a prescribed one."""
+@dataclass(frozen=True)
+class _Finger:
+    """A finger's chain in its tank, with its motion over time (s)."""
+
+    chain: Chain
+    chambers: CubicSpline  # their pressure, Pa
+    turns: Callable[[FloatArray], FloatArray]  # elastic rotations (time, slice), rad
+    frame: FloatArray  # of the actuator, as `axes` gives it
+    root: FloatArray  # m
+    water: Surroundings
+
+
+def _elastic_turns(scene: Scene, slices: int) -> Callable[[FloatArray], FloatArray]:
+    """Elastic rotations over time of the motion that was run; none of a prescribed one."""
     if scene.motion.shapes is None:
-        return np.zeros((len(time), chain.slices))
+        return lambda time: np.zeros((len(time), slices))
     file = read_elastic_motion(scene.folder / scene.motion.shapes)
-    return np.asarray(CubicSpline(file["time"].values, file["delta"].values)(time))
+    return CubicSpline(file["time"].values, file["delta"].values)
 
 
 def _measured_loads(
-    scene: Scene, chain: Chain, chambers: CubicSpline, law: CubicSpline | None, quiet: bool
+    scene: Scene, finger: _Finger, law: CubicSpline | None, quiet: bool
 ) -> dict[str, Any]:
-    """Variables of loads.h5 from the samples of the run; `chambers`: their pressure (Pa) over time.
+    """Variables of loads.h5 from the samples of the run.
 
     `law`: time of the shape over time (s), where a contact stops a coupled finger.
     """
+    chain, turn = finger.chain, finger.frame.T
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies = PER_FINGER[scene.model.kind]
     both = scene.pinch is not None and scene.model.kind in ("half", "full")
-    turn, root = axes(scene.finger).T, np.asarray(scene.finger.root)
     time = np.array([time for time, _ in samples])
     shape_time = time if law is None else law(time)
-    pressure, delta = chambers(shape_time), _elastic_turns(scene, chain, shape_time)
+    pressure, delta = finger.chambers(shape_time), finger.turns(shape_time)
     at = placed(chain.unloaded(pressure), slice(None), delta)
     profile, thickness = chain.profile(pressure, delta), chain.thickness(pressure)
     edge = -0.5j * chain.thickness(np.zeros(1))[0, 0]  # the root's middle from its ventral edge
     force, torque, root_moment = [], [], []
     for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None)):
         centre, pushed = surface_forces(path, scene.fluid.density, both)
-        place, push = _plane((centre - root) @ turn), copies * _plane(pushed @ turn)
+        place, push = _plane((centre - finger.root) @ turn), copies * _plane(pushed @ turn)
         along, about = slice_loads(chain, at.at(k), profile[k], thickness[k], place + edge, push)
         force.append(np.stack([along.real, along.imag], axis=-1))
         torque.append(about)
@@ -108,18 +108,12 @@ def _measured_loads(
     }
 
 
-def check(
-    chain: Chain,
-    kinematics: Kinematics,
-    chambers: CubicSpline,
-    around: Surroundings,
-    values: dict[str, Any],
-) -> dict[str, Any]:
+def _check(finger: _Finger, kinematics: Kinematics, values: dict[str, Any]) -> dict[str, Any]:
     """What the loads would bend, for loads.h5; of a pinch before its contact."""
-    time, pressure = values["time"], values["pressure"]
-    at, rates = prescribed(chain, chambers, time)
+    chain, time, pressure = finger.chain, values["time"], values["pressure"]
+    at, rates = prescribed(chain, finger.chambers, time)
     loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
-    wet, dry = (deflections(chain, pressure, at, rates, around, k * loads) for k in (1, 0))
+    wet, dry = (deflections(chain, pressure, at, rates, finger.water, k * loads) for k in (1, 0))
     free = time < float(kinematics.data.attrs.get("contact_time", np.inf))
     most = int(np.argmax(np.where(free, np.abs(wet), -1.0)))
     bend = kinematics.bend(kinematics.law(time))
@@ -133,22 +127,20 @@ def check(
     }
 
 
-def history(
-    scene: Scene, chain: Chain, chambers: CubicSpline, values: dict[str, Any]
-) -> dict[str, Any]:
-    """The motion at the finger's time steps, also without load and without water; energies."""
-    end = scene.motion.end_time
+def _history(finger: _Finger, end: float, values: dict[str, Any]) -> dict[str, Any]:
+    """The motion at the finger's time steps, also without load and without water; energies.
+
+    `end`: of the motion, s.
+    """
+    chain, water = finger.chain, finger.water
     time = np.linspace(0.0, end, round(end / STEP) + 1)
-    pressure, delta = chambers(time), _elastic_turns(scene, chain, time)
-    rubber, here = scene.structure.damping, gravity(scene)
+    pressure, delta = finger.chambers(time), finger.turns(time)
     none = np.zeros((len(time), chain.slices, 3))
-    in_air = motion(chain, pressure, time[1], Surroundings(here, damping=rubber), none)
-    frame, root = axes(scene.finger), np.asarray(scene.finger.root)
+    in_air = motion(chain, pressure, time[1], replace(water, fluid=0.0), none)
     found: dict[str, Any] = {"step": time}
     for name, turn in {"": delta, "_unloaded": 0 * delta, "_in_air": in_air}.items():
         found[f"bend{name}"] = chain.bend(pressure, turn)
-        found[f"tip{name}"] = chain.profile(pressure, turn)[:, -1] @ frame + root
-    water = Surroundings(here, scene.fluid.density, damping=rubber)
+        found[f"tip{name}"] = chain.profile(pressure, turn)[:, -1] @ finger.frame + finger.root
     return found | energies(chain, pressure, delta, time[1], water, loads_at(values, time))
 
 
@@ -164,18 +156,25 @@ def run(scene: Scene, quiet: bool = False) -> None:
     known = bending_law(states, scene.structure.bending_stiffness)
     law = known or constant_law(1.0, 0.0, len(states.pressure))
     chain = Chain(states, law, scene.finger.width)
-    chambers = CubicSpline(time, pressure)
+    frame = axes(scene.finger)
+    finger = _Finger(
+        chain,
+        CubicSpline(time, pressure),
+        _elastic_turns(scene, chain.slices),
+        frame,
+        np.asarray(scene.finger.root),
+        Surroundings(gravity(frame), scene.fluid.density, damping=scene.structure.damping),
+    )
     coupled = scene.motion.shapes is not None
     touches = "contact_time" in kinematics.data.attrs
     stopped = kinematics.law if coupled and touches else None
-    values = _measured_loads(scene, chain, chambers, stopped, quiet)
+    values = _measured_loads(scene, finger, stopped, quiet)
     if known and (scene.pinch is None or (coupled and not touches)):
-        values |= history(scene, chain, chambers, values)
+        values |= _history(finger, scene.motion.end_time, values)
     if coupled:
         values["unknown"] = _HELD if touches else _COUPLED
     elif known:
-        around = Surroundings(gravity(scene), scene.fluid.density)
-        values |= check(chain, kinematics, chambers, around, values) | {"unknown": ""}
+        values |= _check(finger, kinematics, values) | {"unknown": ""}
     else:
         values["unknown"] = _UNKNOWN
     write_loads(scene.out, values)

@@ -24,15 +24,16 @@ from fileio.formats.elastic_motion import read_elastic_motion, write_elastic_mot
 from fileio.formats.finger_loads import read_loads
 from fileio.provenance import digest
 from pipeline.kinematics.contact import gap
-from pipeline.kinematics.finger import finger_motion, finger_states
+from pipeline.kinematics.finger import axes, finger_motion, finger_states
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import Chain
 from pipeline.structure.coupling import check_change, knots, loads_at, motion_values, next_delta
+from pipeline.structure.elastic_law import bending_law
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import STEP, Surroundings, motion
-from pipeline.structure.stage import bending_law, gravity
+from pipeline.structure.stage import gravity
 
 _CHEAP = "draft"  # level of the first runs of a scene at one of _FINE_LEVELS
 _FINE_LEVELS = ("coarse", "medium", "fine", "reference")
@@ -71,7 +72,11 @@ class _Structure:
         self.prescribed_first = scene.structure.first_motion == "prescribed"
         model = scene.structure
         self.around = Surroundings(
-            gravity(scene), scene.fluid.density, model.added_mass, model.drag, model.damping
+            gravity(axes(scene.finger)),
+            scene.fluid.density,
+            model.added_mass,
+            model.drag,
+            model.damping,
         )
 
     @property

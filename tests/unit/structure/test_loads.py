@@ -9,10 +9,9 @@ import pytest
 from fileio.formats.bending_states import States, read
 from pipeline.structure.chain import Chain, placed
 from pipeline.structure.deflection import deflections, prescribed
-from pipeline.structure.elastic_law import constant_law, law_at
+from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.loads import slice_loads
 from pipeline.structure.motion import Surroundings
-from pipeline.structure.stage import bending_law
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
