@@ -16,6 +16,7 @@ from pipeline.runs.make import Machine
 from pipeline.runs.run import open_run
 from postprocess.lab import command
 from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.virtual.virtual_laboratory import camera_for
 from tests.lab_exports import exported
 from tests.lab_scene import CASE, vortex_series
 
@@ -49,8 +50,7 @@ def run(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "make", kinematics_alone)
         patch.setattr(command, "make_sheet", analytic_sheet)
-        patch.setattr(command, "COLUMNS", 400)
-        patch.setattr(command, "SCALE_M_PER_PX", 0.4e-3)
+        patch.setattr(command, "camera_for", lambda root: camera_for(root, 400, 0.4))
         yield open_run(case, "smoke")
 
 
