@@ -77,7 +77,7 @@ def measured_by(run, gain: float = 1.0, corner: tuple[float, float] = (-0.06, -0
     """
     kinematics_alone(run, "run", None, True)
     kinematics = read_kinematics(run.path("kinematics"))
-    pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
+    pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
     flow = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
     plane = camera_series(flow, pose, x, y, 0.05 + np.arange(30) / 100.0)
