@@ -16,6 +16,7 @@ from pipeline.runs.make import Machine
 from pipeline.runs.run import open_run
 from postprocess.lab import command
 from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.virtual.virtual_laboratory import camera_for
 from tests.lab_exports import exported
 from tests.lab_scene import CASE, vortex_series
 
@@ -49,8 +50,7 @@ def run(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "make", kinematics_alone)
         patch.setattr(command, "make_sheet", analytic_sheet)
-        patch.setattr(command, "COLUMNS", 400)
-        patch.setattr(command, "SCALE_M_PER_PX", 0.4e-3)
+        patch.setattr(command, "camera_for", lambda root: camera_for(root, 400, 0.4))
         yield open_run(case, "smoke")
 
 
@@ -77,7 +77,7 @@ def measured_by(run, gain: float = 1.0, corner: tuple[float, float] = (-0.06, -0
     """
     kinematics_alone(run, "run", None, True)
     kinematics = read_kinematics(run.path("kinematics"))
-    pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
+    pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
     flow = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
     plane = camera_series(flow, pose, x, y, 0.05 + np.arange(30) / 100.0)
