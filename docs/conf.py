@@ -1,4 +1,4 @@
-"""The documentation site: the pages of docs/ and the docstrings, made by `make docs`. It fetches nothing from a network."""
+"""Sphinx configuration of `make docs`: pages of docs/ and docstrings, without network."""
 
 import ast
 import json
@@ -36,22 +36,30 @@ html_show_copyright = False
 html_copy_source = False
 html_theme_options = {"navigation_with_keys": True}
 
-# Pages that are made of a file outside of docs/: head, file, and what of its text.
+# Pages from files outside docs/: heading, file, and pattern of the included text.
 RESULTS = "cases/single_finger/kinematics/studies/results.md"
 TAKEN = {
-    "site/first_hour": ("# First hour\n\n## Install\n", "README.md", r"\n## Install\n(.*)\n## What to trust\n"),
+    "site/first_hour": (
+        "# First hour\n\n## Install\n",
+        "README.md",
+        r"\n## Install\n(.*)\n## What to trust\n",
+    ),
     "site/trust": ("# What to trust\n", "README.md", r"\n## What to trust\n(.*)\n## Map"),
     "site/contributing": ("# Contributing\n", "CONTRIBUTING.md", r"# Contributing\n(.*)"),
     "site/changelog": ("# Changelog\n", "CHANGELOG.md", r"# Changelog\n(.*)"),
-    "site/fea_results": ("---\norphan: true\n---\n# Results of the bending studies\n", RESULTS, r"#[^\n]*\n(.*)"),
+    "site/fea_results": (
+        "---\norphan: true\n---\n# Results of the bending studies\n",
+        RESULTS,
+        r"#[^\n]*\n(.*)",
+    ),
     "site/results": ("", "docs/tutorials/results.ipynb", r"(.*)"),
-}  # fmt: skip
+}
 PAGE_NAME = re.compile(r"(?<!\]\()(?<![`/\w])docs/(\w+)\.md(?!`)")
 PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "index"}
 
 
 def fill_page(app, page, source):
-    """Fill a page of TAKEN or the list of public names; lead links to files that are pages of the site there."""
+    """Fill a page of TAKEN or the list of public names; point links at pages of the site."""
     text, folder = source[0], (DOCS / page).parent
     if page.startswith("api/"):  # reStructuredText, not Markdown
         source[0] = PAGE_NAME.sub(
@@ -74,7 +82,7 @@ def fill_page(app, page, source):
 
 
 def notebook(text):
-    """A notebook as Markdown: its text, its code, and what the code prints."""
+    """A notebook as Markdown: text, code and printed output."""
     parts = []
     for cell in json.loads(text)["cells"]:
         source = "".join(cell["source"])

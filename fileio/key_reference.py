@@ -174,7 +174,7 @@ def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
     for key in keys:
         head, _, name = key.name.rpartition(".")
         if "[]" in head or head in mixed or key.name in tables:
-            continue  # of a list of tables, and of what may be a table, its key says what it takes
+            continue  # the key of a list or optional table describes its content
         if head != section:
             text += f"\n{'' if head in tables else '# '}[{head}]\n"
             section = head

@@ -181,7 +181,7 @@ class JsonFormat:
 
 
 def plain(value: Any) -> Any:
-    """NumPy's numbers and arrays as JSON takes them."""
+    """NumPy numbers and arrays as values of JSON."""
     return value.tolist() if hasattr(value, "tolist") else float(value)
 
 

@@ -1,4 +1,4 @@
-"""TOML files: one reader, whose complaint names the keys without a value."""
+"""Reader of TOML files; its errors name the keys without a value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from fileio.errors import StageError, one_line
 
-_EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … as a template has it
+_EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … stands in templates
 
 
 def read_toml(path: Path) -> dict[str, Any]:

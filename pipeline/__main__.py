@@ -21,6 +21,11 @@ from fileio.errors import StageError
 PROJECT = Path(__file__).resolve().parents[1]
 SNAKEMAKE = PROJECT / ".venv-study" / "bin" / "snakemake"
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+# values that make hands on by the environment
+MAKE_VALUES = (
+    "LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION ACCOUNT"
+    " RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK PRESSURE"
+).split()
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App("softfinger", help=__doc__, version=__version__)
@@ -57,7 +62,7 @@ def run(
     dry_run: Switch = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make what is stale of a scene's results, up to a stage.
+    """Make the stale results of a scene, up to a stage.
 
     Parameters
     ----------
@@ -68,7 +73,7 @@ def run(
     slurm
         As batch jobs.
     dry_run
-        Say what would be made and why, and make nothing.
+        Print what would be made and why; make nothing.
     """
     from pipeline.runs.make import Machine, make
 
@@ -76,7 +81,7 @@ def run(
         raise StageError(f"NP={ranks}: give 1 or more")
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     if coupled and (slurm or accuracy or budget or hosts or collated or set_):
-        raise StageError("COUPLED=1 takes LEVEL, NP and QUIET alone")
+        raise StageError("COUPLED=1 accepts only LEVEL, NP and QUIET")
     if slurm and until != "report":
         raise StageError("SLURM=1 goes with a whole scene or a study, not with one stage")
     if coupled and until != "report":
@@ -103,7 +108,7 @@ def run(
             return
         else:
             make(made, until, machine, quiet)
-    if until == "report":
+    if until == "report" and not quiet:
         print(f"report: {made.path('report').resolve()}")
 
 
@@ -149,7 +154,7 @@ def study(
 
 @app.command
 def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
-    """Measure what accuracy costs: the study of a scene that ACCURACY and BUDGET need."""
+    """Measure the cost of accuracy, which ACCURACY and BUDGET need."""
     from postprocess.studies.tradeoff import write_tradeoff
 
     write_tradeoff(study(scene / "studies" / "tradeoff.csv"))
@@ -383,8 +388,9 @@ def _slurm_place() -> list[str]:
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
     importing()
-    for name in [name for name, value in os.environ.items() if not value]:
-        del os.environ[name]  # make passes omitted values as empty ones
+    for name in MAKE_VALUES:  # only make's own, which passes omitted values as empty ones
+        if "MAKELEVEL" not in os.environ or not os.environ.get(name):
+            os.environ.pop(name, None)
 
     def action() -> int:
         command: Callable[..., Any]

@@ -10,9 +10,14 @@ import xarray as xr
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import write_sweep
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.mesh_intervals import (
+    Interval,
+    NodeMotion,
+    read_intervals,
+    read_planform,
+    write_sweep,
+)
 from fileio.lock import exclusive
 from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import (
@@ -217,6 +222,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         number: read_planform(scene.out, number)
         for number in {interval.mesh for interval in intervals}
     }
+    law = read_kinematics(scene.out / "kinematics.h5").law
     meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
     # its case is deleted below
     (scene.out / "run" / "run.json").unlink(missing_ok=True)
@@ -229,9 +235,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for interval, handover in zip(intervals, handovers, strict=True):
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
             levels = planform["levels"].values
-            points = mesh.points(
-                read_motion(scene.out, interval.mesh).nodes(interval.begin), levels
-            )
+            nodes = NodeMotion.of(law, planform).nodes(interval.begin)
+            points = mesh.points(nodes, levels)
             entries = numbers(scene, interval, handover, float(levels[0]))
             columns[interval.name] = write_case(
                 folder / interval.name, entries, not interval.index, planform, mesh, points

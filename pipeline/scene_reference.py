@@ -38,7 +38,7 @@ def keys() -> list[Key]:
         *keys_of(Actuator, "actuator.", optional=True),
     ]
     all_keys += keys_of(Fea, "fea.", optional=True)
-    # keys of one table stand together, where its first does
+    # keys of one table are adjacent, at the place of its first key
     tables = [key.name.rpartition(".")[0] for key in all_keys]
     return sorted(all_keys, key=lambda key: tables.index(key.name.rpartition(".")[0]))
 

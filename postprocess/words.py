@@ -10,7 +10,7 @@ import numpy as np
 PAIRS = {"cfd": "CFD", "piv": "PIV", "piv-cfd": "PIV against CFD"}
 VERDICTS = {True: "met", False: "not met", None: "not judged"}
 NBSP = "\u00a0"  # keeps a number and its unit on one line
-# By SI unit: factor, the unit that is shown, and digits after the point (None: three digits in all).
+# By SI unit: factor, the unit shown, digits after the point (None: three digits in all).
 UNITS: dict[str, tuple[float, str, int | None]] = {
     "m": (1e3, "mm", 2),
     "fraction": (1e2, "%", 1),

@@ -7,6 +7,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.mesh_intervals import IntervalMesh, read_meshes
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.finger import FingerMotion, finger_motion
@@ -24,7 +26,9 @@ extends = "{parent}"
 {more}
 [levels.tiny]
 model = {{ kind = "{kind}" }}
-mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
+mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, \
+tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, \
+edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
 numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
 """
 
@@ -48,6 +52,11 @@ def write_scene(
 def motion_of(scene: Scene) -> FingerMotion:
     """The motion of a scene's finger."""
     return finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
+
+
+def meshes_of(scene: Scene) -> list[IntervalMesh]:
+    """The meshes of a scene's intervals."""
+    return read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
 
 
 @pytest.fixture

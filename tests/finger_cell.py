@@ -1,4 +1,4 @@
-"""The shipped finger's actuator and analysis, and a unit cell of few elements for tests that need no accuracy."""
+"""The shipped finger's actuator and analysis, and a coarse unit cell for fast tests."""
 
 from fileio.formats.bending_states import read
 from pipeline.fea.settings import Actuator, Fea, UnitCellMesh

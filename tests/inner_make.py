@@ -1,10 +1,10 @@
-"""The environment of a make that a test runs: nothing in it of the make that runs the tests."""
+"""The environment of a make that a test runs, without that of an outer make."""
 
 from __future__ import annotations
 
 import os
 
-# An outer make's jobs, of which the inner one would complain, and its command line, which it would take for its own.
+# Variables by which an outer make passes its jobs and command line to an inner one.
 OUTER = (
     "MAKEFLAGS",
     "MFLAGS",

@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 from piv.foreign.write import write_vectors
 
+Place = tuple[float, float]  # mm
 SCALE, INTERVAL, ROWS = 0.25e-3, 0.002, 520
 TOML = """format = "dpiv"
 format_version = 3
@@ -29,17 +30,22 @@ vectors = {{ std_px = 0.05{vectors} }}
 """
 
 
-def pivlab_mat(plane, path: Path) -> None:
-    """A session of PIVlab: px, y down, one cell per instant."""
-    names = ("x", "y", "u_original", "v_original", "typevector_original")
-    cells = {name: np.empty((plane.sizes["time"], 1), object) for name in names}
-    xx, yy = np.meshgrid(plane["x"].values / SCALE, (ROWS - 1) - plane["y"].values[::-1] / SCALE)
+def _pivlab(plane):
+    """x, y, u, v and vector type (0: masked) of each instant as PIVlab has them: px, y down."""
+    x, y = np.meshgrid(plane["x"].values / SCALE, (ROWS - 1) - plane["y"].values[::-1] / SCALE)
     for k in range(plane.sizes["time"]):
         u, v = (np.nan_to_num(plane[n].values[k][::-1]) * INTERVAL / SCALE for n in ("u", "v"))
-        kind = plane["valid"].values[k][::-1].astype(float)
-        for name, values in zip(names, (xx, yy, u, -v, kind), strict=True):
+        yield x, y, u, -v, plane["valid"].values[k][::-1].astype(float)
+
+
+def pivlab_mat(plane, folder: Path) -> None:
+    """A session of PIVlab, one cell per instant."""
+    names = ("x", "y", "u_original", "v_original", "typevector_original")
+    cells = {name: np.empty((plane.sizes["time"], 1), object) for name in names}
+    for k, instant in enumerate(_pivlab(plane)):
+        for name, values in zip(names, instant, strict=True):
             cells[name][k, 0] = values
-    savemat(path, cells | {"units": "[px] respectively [px/frame]"})
+    savemat(folder / "s.mat", cells | {"units": "[px] respectively [px/frame]"})
 
 
 def davis(plane, folder: Path) -> None:
@@ -51,9 +57,8 @@ def davis(plane, folder: Path) -> None:
         values = np.zeros((y.size, x.size), dtype=lv.vec2c)
         values["u"], down = (np.nan_to_num(plane[n].values[k][::-1]) for n in ("u", "v"))
         values["v"] = -down  # DaVis counts v along its rows
-        buffer = lv.arrays_to_buffer(
-            [np.ma.array(values, mask=plane["valid"].values[k][::-1] == 0)]
-        )
+        absent = plane["valid"].values[k][::-1] == 0
+        buffer = lv.arrays_to_buffer([np.ma.array(values, mask=absent)])
         frame = buffer[0]
         frame.scales.x = lv.Scale(step / 8, x[0] - step / 2, "mm", "x")
         frame.scales.y = lv.Scale(-step / 8, y[-1] + step / 2, "mm", "y")
@@ -63,22 +68,13 @@ def davis(plane, folder: Path) -> None:
 
 
 def pivlab_text(plane, folder: Path) -> None:
-    """PIVlab's ASCII export: px, y down, one file per instant, vector type 0 where masked."""
-    xx, yy = np.meshgrid(plane["x"].values / SCALE, (ROWS - 1) - plane["y"].values[::-1] / SCALE)
-    for k in range(plane.sizes["time"]):
-        u, v = (np.nan_to_num(plane[n].values[k][::-1]) * INTERVAL / SCALE for n in ("u", "v"))
-        kind = plane["valid"].values[k][::-1].astype(float)
-        rows = np.column_stack([a.T.ravel() for a in (xx, yy, u, -v, kind)])
+    """PIVlab's ASCII export, one file per instant."""
+    for k, instant in enumerate(_pivlab(plane)):
+        rows = np.column_stack([a.T.ravel() for a in instant])
         titles = "x [px],y [px],u [px/frame],v [px/frame],Vector type [-]"
         head = f"PIVlab, ASCII chart output\nFRAME: {k + 1}, filenames: A & B\n{titles}"
-        np.savetxt(
-            folder / f"PIVlab_{k + 1}.txt",
-            rows,
-            fmt="%.9g",
-            delimiter=",",
-            header=head,
-            comments="",
-        )
+        style = {"fmt": "%.9g", "delimiter": ",", "comments": ""}
+        np.savetxt(folder / f"PIVlab_{k + 1}.txt", rows, header=head, **style)
 
 
 def microvec(plane, folder: Path) -> None:
@@ -86,21 +82,20 @@ def microvec(plane, folder: Path) -> None:
     xx, yy = np.meshgrid(plane["x"].values * 1e3, plane["y"].values * 1e3)
     for k in range(plane.sizes["time"]):
         u, v = (np.nan_to_num(plane[n].values[k]) for n in ("u", "v"))
-        rows = np.column_stack(
-            [a.ravel() for a in (xx, yy, u, v, plane["valid"].values[k].astype(float))]
-        )
+        valid = plane["valid"].values[k].astype(float)
+        rows = np.column_stack([a.ravel() for a in (xx, yy, u, v, valid)])
         head = 'TITLE="MicroVec"\nVARIABLES="X(mm)","Y(mm)","U(m/s)","V(m/s)","CHC"\n'
         head += f"ZONE I={plane.sizes['x']}, J={plane.sizes['y']}, F=POINT"
         np.savetxt(folder / f"v{k}.dat", rows, fmt="%.9g", header=head, comments="")
 
 
-def uncalibrated(plane, path: Path) -> None:
+def uncalibrated(plane, folder: Path) -> None:
     """A series as `piv correlate` writes it without a calibration: px, and px per frame."""
     out = plane.assign({n: plane[n] * INTERVAL / SCALE for n in ("u", "v")})
     out = out.assign_coords(x=plane["x"] / SCALE, y=plane["y"] / SCALE)
     for name in ("x", "y", "u", "v"):
         out[name].attrs["units"] = "px"
-    write_vectors(out, path)
+    write_vectors(out, folder / "v.h5")
 
 
 # files, y, what else [vectors] must say; who writes them (None: this project)
@@ -108,23 +103,16 @@ KINDS = {
     "openpiv": ("v*.txt", "up", 'kind = "openpiv", length_unit = "m", velocity_unit = "m/s"', None),
     "tecplot": ("v*.dat", "up", "", None),
     "microvec": ("v*.dat", "up", "", microvec),
-    "pivlab mat": (
-        "s.mat",
-        "down",
-        f"image_rows = {ROWS}",
-        lambda p, f: pivlab_mat(p, f / "s.mat"),
-    ),
+    "pivlab mat": ("s.mat", "down", f"image_rows = {ROWS}", pivlab_mat),
     "pivlab text": ("PIVlab_*.txt", "down", f"image_rows = {ROWS}", pivlab_text),
     "davis": ("*.vc7", "up", "", davis),
     "plane": ("v.h5", "up", "", None),
-    "plane in px": ("v.h5", "up", "", lambda p, f: uncalibrated(p, f / "v.h5")),
+    "plane in px": ("v.h5", "up", "", uncalibrated),
     "csv": ("v.csv", "up", "", None),
 }
 
 
-def exported(
-    plane: xr.Dataset, kind: str, folder: Path, root: tuple[float, float] = (20.0, 15.0)
-) -> Path:
+def exported(plane: xr.Dataset, kind: str, folder: Path, root: Place = (20.0, 15.0)) -> Path:
     """A folder of vectors of a kind with its dpiv.toml; `root` (mm) in the plane's axes."""
     files, y, vectors, write = KINDS[kind]
     folder.mkdir(parents=True, exist_ok=True)
@@ -138,11 +126,7 @@ def exported(
 
 
 def stated(
-    folder: Path,
-    files: str,
-    y: str = "up",
-    vectors: str = "",
-    root: tuple[float, float] = (20.0, 15.0),
+    folder: Path, files: str, y: str = "up", vectors: str = "", root: Place = (20.0, 15.0)
 ) -> Path:
     """The folder with a dpiv.toml."""
     more = f", {vectors}" if vectors else ""

@@ -83,9 +83,8 @@ class Rendered(Recording):
         if faults.reflection:
             line = self._dorsal_line(outline, float(self._pressures[i]))
             places = np.vstack([places, line])
-            light = np.concatenate(
-                [light, faults.reflection * 170 * rng.uniform(0.5, 1.5, len(line))]
-            )
+            bright = faults.reflection * 170 * rng.uniform(0.5, 1.5, len(line))
+            light = np.concatenate([light, bright])
             size = np.concatenate([size, np.full(len(line), 0.8)])
         image = self._spots(self.to_px(places), light, size)
         image += 8 + rng.normal(0, 2, self._size)
@@ -99,11 +98,8 @@ class Rendered(Recording):
         reach = np.asarray(self._faults.shadow_to) * 4 * self._faults.shadow_width
         rays = shapely.linestrings(np.stack([places, places - reach], axis=1))
         behind = shapely.intersects(body, rays)
-        return np.where(
-            behind,
-            self._faults.shadow * np.clip(2 - 2 * away / self._faults.shadow_width, 0, 1),
-            0.0,
-        )
+        lost = self._faults.shadow * np.clip(2 - 2 * away / self._faults.shadow_width, 0, 1)
+        return np.where(behind, lost, 0.0)
 
     def _dorsal_line(self, outline: np.ndarray, pressure: float) -> np.ndarray:
         """Points a pixel apart along the dorsal side of the finger's edge."""
@@ -124,10 +120,8 @@ class Rendered(Recording):
         rows, columns = self._size
         x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
         along = self._kinematics.shape("tip_direction", self._kinematics.low)
-        from_root = self._pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(
-            self._kinematics.root
-        )
-        return np.asarray(from_root @ along < self._faults.holder)
+        places = self._pose.to_tank(np.stack([x, y], axis=-1))
+        return np.asarray((places - self._kinematics.root) @ along < self._faults.holder)
 
     def _spots(self, at: np.ndarray, light: np.ndarray, size: np.ndarray) -> np.ndarray:
         """An image of Gaussian spots at positions (particle, 2) px, y up."""
@@ -140,9 +134,6 @@ class Rendered(Recording):
         for dj in range(-SPOT, SPOT + 1):
             for di in range(-SPOT, SPOT + 1):
                 far2 = (i + di - x) ** 2 + (j + dj - y) ** 2
-                np.add.at(
-                    image,
-                    (j + dj + SPOT + 1, i + di + SPOT + 1),
-                    light * np.exp(-0.5 * far2 / size**2),
-                )
+                pixels = j + dj + SPOT + 1, i + di + SPOT + 1
+                np.add.at(image, pixels, light * np.exp(-0.5 * far2 / size**2))
         return image[SPOT + 1 : -SPOT - 1, SPOT + 1 : -SPOT - 1]

@@ -1,4 +1,4 @@
-"""A made-up pinch: the made-up stroke of tests/synthetic_stroke.py and its mirror image, with known errors of the PIV."""
+"""A synthetic pinch: tests/synthetic_stroke.py and its mirror image, with known PIV errors."""
 
 from __future__ import annotations
 
@@ -10,15 +10,28 @@ import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics, write_kinematics
 from fileio.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
+from tests.synthetic_stroke import SCENE as SINGLE
 from tests.synthetic_stroke import write_case
 
 GAIN = 0.99  # of the right vortex against the left one, in the PIV
 SHIFT = 4e-4  # m: of the right vortex' centre upward, in the PIV
 LEAST_GAP = 5e-4
+SCENE = f"""
+extends = "../single_finger"
+title = "Two fingers pinch"
+[pinch]
+half_distance = 0.045
+residual_gap = {LEAST_GAP}
+slowing_distance = 0.003
+[model]
+kind = "quarter"
+[motion]
+strokes = [{{ pressure_kpa = 20.0, start = 0.0, duration = 0.4 }}]
+"""
 
 
 def mirrored(plane: xr.Dataset, at: float) -> xr.Dataset:
-    """The part of a plane series left of the node x = `at` and its mirror image, with that node as x = 0: u is odd."""
+    """The part of a plane series left of the node x = `at`, shifted to x = 0 and mirrored."""
     x = plane["x"].values
     last = int(np.argmin(np.abs(x - at)))
     assert abs(x[last] - at) < 1e-9
@@ -62,13 +75,13 @@ def mirrored_vortices(table: pd.DataFrame, at: float, gain: float, shift: float)
 
 
 def write_pinch(root: Path, **options) -> Path:
-    """Write all stage files of the made-up pinch below `root`/cases/pinch/out/coarse; returns cases/pinch."""
+    """Write the stage files of the synthetic pinch below `root`; returns cases/pinch."""
     case = write_case(root, "pinch", bend_end=np.radians(80), **options)
     out = case / "out" / "coarse"
-    (case / "scene.toml").write_text('extends = "../single_finger"\ntitle = "Two fingers pinch"\n')
+    (case / "scene.toml").write_text(SCENE)
     single = root / "cases" / "single_finger"
     single.mkdir(parents=True, exist_ok=True)
-    (single / "scene.toml").write_text('title = "A single finger"\n')
+    (single / "scene.toml").write_text(SINGLE)
     with read_plane(out / "sheet.h5") as sheet:
         outline, step = sheet["outline"].values[:, 0], 2 * float(sheet["x"][1] - sheet["x"][0])
         reach = outline[..., 0].max(axis=1)
@@ -84,16 +97,12 @@ def write_pinch(root: Path, **options) -> Path:
         table = pd.read_csv(path, comment="#")
         path.write_text(mirrored_vortices(table, at, gain, shift).to_csv(index=False))
     kinematics = read_kinematics(out / "kinematics.h5")
-    attributes = ("source", "tip_thickness")
+    attributes = ("source", "root", "length", "tip_thickness")
     values = {name: v.values for name, v in kinematics.data.variables.items()}
     values |= {name: kinematics.data.attrs[name] for name in attributes}
     gap, pressure = reach.max() - reach + LEAST_GAP, values["pressure"]
     values |= {"gap": gap, "free_pressure": 1.05 * pressure, "residual_gap": LEAST_GAP, "mirror": 1}
     values["shape_gap"] = np.interp(values["shape_parameter"], pressure, gap)
-    pinch = {"residual_gap": LEAST_GAP, "slowing_distance": 0.003, "object": None}
-    strokes = [{"pressure_kpa": 20.0, "start": 0.0, "duration": 0.4}]
-    motion = kinematics.settings["motion"] | {"strokes": strokes}
-    settings = kinematics.settings | {"pinch": pinch, "motion": motion}
-    write_kinematics(out / "kinematics.h5", values, settings)
+    write_kinematics(out / "kinematics.h5", values)
     assert values["time"].shape == time.shape
     return case

@@ -1,7 +1,7 @@
-"""A made-up single-finger stroke with every stage file that the report reads; all of it analytic.
+"""An analytic single-finger stroke with all stage files that the report reads.
 
-A finger of constant curvature hangs from (0, 0.24) m, bends 0 to `bend_end` towards +x by a three-pole law, and a
-Lamb–Oseen vortex grows on the dorsal side of its tip: clockwise (negative) when it bends towards +x.
+A finger of constant curvature hangs from (0, 0.24) m and bends from 0 to `bend_end` towards +x by a
+three-pole law. A Lamb–Oseen vortex grows on the dorsal side of its tip, clockwise (negative).
 """
 
 from __future__ import annotations
@@ -15,13 +15,39 @@ import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform
+from fileio.formats.mesh_intervals import Interval, write_planform, write_sweep
 from fileio.formats.plane_series import make_plane, write_plane
-from fileio.formats.records import COST
-from fileio.formats.sweep import write_sweep
+from fileio.record import write_record
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
+SCENE = f"""
+title = "A single finger bends in the tank"
+[finger]
+root = {ROOT.tolist()}
+length = {LENGTH}
+thickness = {THICKNESS}
+width = {WIDTH}
+[motion]
+strokes = [{{ pressure_kpa = 20.0, start = 0.02, duration = 0.3 }}]
+end_time = 0.4
+[mesh]
+wall_cell = 3.5e-3
+wall_first_layer = 1.2e-3
+wall_layers = 2
+tip_cell = 2.2e-3
+near_cell = 5e-3
+far_cell = 0.04
+[numerics]
+time_step = 5e-4
+write_interval = 0.1
+[camera]
+columns = 640
+rows = 512
+scale_mm_per_px = 0.25
+centre = [0.03, 0.2]
+[levels.coarse]
+"""
 FIT = (
     "time",
     "track",
@@ -92,7 +118,7 @@ def true_vortex(time: np.ndarray, bend_end: float) -> dict[str, np.ndarray]:
 def stroke_plane(
     time: np.ndarray, bend_end: float, spacing: float, noise: float = 0.0, seed: int = 1
 ) -> xr.Dataset:
-    """The plane series of the stroke: swirl, and far inside it the drift that follows the tip upward."""
+    """The plane series of the stroke: the vortex and a drift that follows the tip upward."""
     x = np.arange(-0.05, 0.11 + spacing / 2, spacing)
     y = np.arange(0.135, 0.263 + spacing / 2, spacing)
     gx, gy = np.meshgrid(x, y)
@@ -134,7 +160,7 @@ def vortex_table(
     noise: float = 0.0,
     seed: int = 2,
 ) -> pd.DataFrame:
-    """Rows of vortices.csv: the tip vortex (track 3) and a weak far one (track 1); `gain`, `shift` (m) are errors."""
+    """Rows of vortices.csv: tip vortex (track 3), far one (track 1); errors gain, shift (m)."""
     rng = np.random.default_rng(seed)
     finger, true = finger_series(bend_law(time, bend_end)), true_vortex(time, bend_end)
     rows = []
@@ -174,17 +200,10 @@ def write_case(
     case = root / "cases" / scene
     out = case / "out" / level
     (out / "run").mkdir(parents=True, exist_ok=True)
-    (out / "costs").mkdir(exist_ok=True)
-    (case / "scene.toml").write_text(
-        f'name = "{scene}"\ntitle = "A single finger bends in the tank"\n'
-    )
+    (case / "scene.toml").write_text(SCENE)
     time = np.linspace(0.0, 0.4, frames)
     middle = 0.5 * (time[1:] + time[:-1])
-    more = {
-        "scene_hash": "0123abcd",
-        "tip_width": THICKNESS,
-        "versions": json.dumps({"numpy": np.__version__}),
-    }
+    more = {"tip_width": THICKNESS}
     write_plane(stroke_plane(time, bend_end, spacing), out / "sheet.h5", source="cfd", **more)
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
     if with_piv:
@@ -194,7 +213,6 @@ def write_case(
             out / "piv.h5",
             source="piv",
             seed=2017,
-            settings=json.dumps({"window": 32}),
             **more,
         )
         _write_vortices(
@@ -211,14 +229,8 @@ def write_case(
         "images": 20.0,
         "piv": 38.0,
     }.items():
-        cost = {
-            "stage": stage,
-            "wall_time": seconds,
-            "cpu_time": seconds,
-            "peak_memory": int(4e8),
-            "finished": "2026-11-21T06:00:00Z",
-        }
-        COST.write(out / "costs" / f"{stage}.json", cost)
+        cost = {"wall_time": seconds, "cpu_time": seconds, "peak_memory": int(4e8)}
+        write_record(out, stage, {"digest": "0123abcd"} | cost, [])
     return case
 
 
@@ -240,20 +252,13 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
     pressure = 2e4 * bend_law(time, bend_end) / abs(bend_end)
     knots = np.linspace(pressure.min(), pressure.max(), 9)
     shapes = finger_series(knots / 2e4 * abs(bend_end))
-    scene = {"tank": {"size": [0.6, 0.33, 0.3], "water_depth": 0.3}}
-    scene["finger"] = {
-        "root": ROOT.tolist(),
-        "length": LENGTH,
-        "thickness": THICKNESS,
-        "width": WIDTH,
-    }
-    scene["motion"] = {"source": "fea", "states": "kinematics/states.h5", "strokes": []}
     states = np.linspace(-2e4, 2e4, 21)
     values = {"time": time, "pressure": pressure, "shape_parameter": knots, "source": "fea"}
     values |= {f"shape_{name}": shape[:, 0] for name, shape in shapes.items()}
+    values |= {"root": ROOT, "length": LENGTH}
     values |= {"tip_thickness": THICKNESS, "state_pressure": states}
     values |= {"state_bend": 1.7 * states / 2e4, "state_bend_std": 0.1 * np.abs(states) / 2e4}
-    write_kinematics(path, values | {"paper_bend": 1.6 * states / 2e4 - 0.05}, scene)
+    write_kinematics(path, values | {"paper_bend": 1.6 * states / 2e4 - 0.05})
 
 
 def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
@@ -291,12 +296,9 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         "outer": np.arange(4),
         "corners": np.zeros(4),
     }
-    attributes, settings = {"model": "half", "mirror": 0}, {"model": {"kind": "half"}}
-    write_planform(
-        out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh], settings
-    )
-    fluid = {"density": 998.2, "kinematic_viscosity": 1.004e-6, "turbulence": "laminar"}
-    write_sweep(out, {}, {"fluid": fluid})
+    attributes = {"model": "half", "mirror": 0}
+    write_planform(out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh])
+    write_sweep(out, {})
 
 
 def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:
@@ -367,7 +369,6 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "format": "run",
         "format_version": 1,
         "versions": {"openfoam": "v1912"},
-        "scene_hash": "0123abcd",
     }
     run |= {"scene": scene}
     run |= {

@@ -1,4 +1,4 @@
-"""A minimal WebDriver client (W3C protocol over HTTP to chromedriver), so that no browser library is needed."""
+"""A minimal WebDriver client: the W3C protocol over HTTP to chromedriver."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the key that W3C WebDriver gives to an element reference
+ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # key of an element in W3C WebDriver
 
 
 class Browser:

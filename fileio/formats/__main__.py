@@ -15,16 +15,15 @@ from fileio.formats import (
     plane_series,
     recorded_motion,
     recording,
-    sweep,
 )
 from fileio.schema import markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-SCHEMAS = tuple(
+SCHEMAS = mesh_intervals.SWEEP, *(
     module.SCHEMA
     for module in (
         plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
-        sweep, finger_loads, lab_fields, elastic_motion,
+        finger_loads, lab_fields, elastic_motion,
     )
 )  # fmt: skip
 

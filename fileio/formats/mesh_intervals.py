@@ -1,16 +1,19 @@
-"""The mesh intervals of a run, `planform.h5`: spans of time, each with its planform mesh."""
+"""The meshes of a run, `planform.h5` and `sweep.h5`: intervals of time, each with its mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from fileio.schema import Schema, variables
+
+if TYPE_CHECKING:  # slow to import: who reads no motion needs none
+    from scipy.interpolate import CubicSpline
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
@@ -34,6 +37,46 @@ class Interval:
     def name(self) -> str:
         """Its folder in case/ and its group in sweep.h5."""
         return f"interval_{self.index}"
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """Twice continuously differentiable motion of nodes, exact at the knots of the parameter."""
+
+    pressure: CubicSpline
+    shape: CubicSpline
+
+    @classmethod
+    def of(cls, law: CubicSpline, planform: xr.Dataset) -> NodeMotion:
+        """Motion of a planform's nodes by a law of its shape parameter over time (s)."""
+        from scipy.interpolate import CubicSpline
+
+        return cls(law, CubicSpline(planform["shape_parameter"].values, planform["points"].values))
+
+    def nodes(self, time: float) -> np.ndarray:
+        """Positions (node, 2) at `time` s, m; at rest before 0."""
+        return self.shape(float(self.pressure(max(time, 0.0))))
+
+    def velocity(self, time: float) -> np.ndarray:
+        """Velocities (node, 2) at `time` s, m/s."""
+        if time <= 0:
+            return np.zeros(self.shape.c.shape[2:])
+        return self.shape(float(self.pressure(time)), 1) * float(self.pressure(time, 1))
+
+
+@dataclass(frozen=True)
+class IntervalMesh:
+    """The moving mesh of one interval: its planform, its sweep and its nodes' motion."""
+
+    interval: Interval
+    planform: xr.Dataset
+    sweep: xr.Dataset
+    motion: NodeMotion
+
+    @property
+    def cells(self) -> int:
+        """Number of cells of the swept mesh."""
+        return int(self.sweep.sizes["cell"])
 
 
 _COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
@@ -64,6 +107,19 @@ material  wall_node  1  their positions along the outline, point index
 outer  outer_node  1  nodes of the tank's outline, counter-clockwise from the lower left
 levels  level  m  z of the sweep; the same in all meshes
 corners  -  m  x, y of the tank's lower left and upper right corner
+"""),
+)
+
+
+SWEEP = Schema(
+    "sweep",
+    "delete it and run make again",
+    (),
+    variables("""
+node  point  1  planform node of each mesh point
+level  point  1  level of each mesh point, from the back wall
+cell_column  cell  1  planform cell of each mesh cell
+cell_layer  cell  1  layer of each mesh cell, from the back wall
 """),
 )
 
@@ -101,3 +157,27 @@ def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
     return [{str(name): v.values for name, v in p.variables.items()} for p in planforms]
+
+
+def write_sweep(out: Path, cases: Mapping[str, Mapping[str, np.ndarray]]) -> None:
+    """Write sweep.h5 of a level's folder: SWEEP's variables of each case's mesh by its name."""
+    SWEEP.write(out / "sweep.h5", {}, cases)
+
+
+def read_sweep(out: Path, case: str) -> xr.Dataset:
+    """The mesh of one case of a level's sweep.h5, loaded."""
+    return SWEEP.read(out / "sweep.h5", case)
+
+
+def read_meshes(out: Path, law: CubicSpline) -> list[IntervalMesh]:
+    """The mesh of each interval, of planform.h5 and sweep.h5 of a level's folder.
+
+    `law`: the shape parameter over time (s), that of kinematics.h5.
+    """
+    intervals = read_intervals(out)
+    planforms = {mesh: read_planform(out, mesh) for mesh in {i.mesh for i in intervals}}
+    motions = {mesh: NodeMotion.of(law, planform) for mesh, planform in planforms.items()}
+    return [
+        IntervalMesh(i, planforms[i.mesh], read_sweep(out, i.name), motions[i.mesh])
+        for i in intervals
+    ]

@@ -45,6 +45,6 @@ def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes
     ):
         print(
             f"fea: warning: {scene.folder / 'scene.toml'} has motion.source = {motion.source!r} and"
-            f" motion.states = {motion.states!r}, so nothing uses these states; give motion.source ="
-            f" 'fea' and motion.states = '{OWN_STATES}'"
+            f" motion.states = {motion.states!r}, so nothing uses these states; give"
+            f" motion.source = 'fea' and motion.states = '{OWN_STATES}'"
         )

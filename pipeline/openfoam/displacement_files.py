@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fileio.formats.node_motion import NodeMotion
-from pipeline.openfoam.foamfile import END, binary_list, header, write_bytes
-from pipeline.openfoam.ranks import collated_content
+from fileio.formats.mesh_intervals import IntervalMesh
+from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
+from pipeline.openfoam.ranks import Ranks, collated_content
 
 FIELD = "wantedDisplacement"
 PADDING = 3  # frames beyond the last time step
@@ -63,49 +63,51 @@ _HEADER = header("pointVectorField", "", FIELD, binary=True)
 
 
 def write_frames(
-    folders: list[Path],
-    motion: NodeMotion,
-    nodes: list[np.ndarray],
-    driving: list[np.ndarray],
-    times: np.ndarray,
-    flat: bool,
-    collated: bool = False,
+    case: Path, mesh: IntervalMesh, times: np.ndarray, ranks: Ranks
 ) -> Iterator[float]:
-    """Write `<time>/wantedDisplacement` for all `times` (s) in each rank's folder; yields them.
+    """Write `<time>/wantedDisplacement` for all `times` (s) for the ranks of a case; yields them.
 
-    Displacements are relative to the first shape. Of each rank: `nodes` (point,), its planform
-    nodes, and `driving` (point,), points with values; zeros elsewhere compress to almost nothing.
-    `collated`: one file of all ranks per step, in the only folder.
+    Displacements are relative to the first shape. Only the points that drive the others have
+    values; zeros elsewhere compress to almost nothing.
     """
+    motion, kind = mesh.motion, mesh.planform.attrs["model"]
+    node, level = mesh.sweep["node"].values, mesh.sweep["level"].values
+    driving = (level == 0) | ((level == mesh.planform.sizes["level"] - 1) & (kind == "full"))
+    points = [np.arange(len(node))]
+    if ranks.count > 1:
+        addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+        points = [labels_of(block) for block in addressing]
+    driven = [(driving[p], node[p][driving[p]]) for p in points]
     start = motion.nodes(times[0])
-    kinds = (b"empty", b"empty") if flat else (b"symmetryPlane", b"calculated")
+    kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
     head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
     tail = b";\n" + _BOUNDARY % kinds + END
     for time in times:
         moved = motion.nodes(time) - start
         bodies = []
-        for node, drives in zip(nodes, driving, strict=True):
-            displacement = np.zeros((len(node), 3))
-            displacement[drives, :2] = moved[node[drives]]
+        for drives, nodes in driven:
+            displacement = np.zeros((len(drives), 3))
+            displacement[drives, :2] = moved[nodes]
             bodies.append(head + binary_list(displacement) + tail)
-        if collated:  # the header stands in the first block only
+        if ranks.collated:  # the header stands in the first block only
             contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
         else:
             contents = [_HEADER + body for body in bodies]
-        for folder, content in zip(folders, contents, strict=True):
+        for folder, content in zip(ranks.folders(case), contents, strict=True):
             # thousands of files, so without a sync: the solver refuses one that a power cut emptied
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
         yield time
 
 
-def frames_laid(case: Path) -> bool:
-    """Whether frames lie in a rank's folder; they are all removed together."""
-    return any(case.glob(f"*/{FIELD}*"))
+def frames_laid(case: Path, ranks: Ranks) -> bool:
+    """Whether frames lie in a case; they are all removed together."""
+    return any(ranks.folders(case)[0].glob(f"*/{FIELD}*"))
 
 
-def remove_frames(case: Path) -> None:
+def remove_frames(case: Path, ranks: Ranks) -> None:
     """Remove the frames, and the folders that hold nothing else."""
-    for path in case.glob(f"*/{FIELD}*"):
-        path.unlink()
-        if not any(path.parent.iterdir()):
-            path.parent.rmdir()
+    for folder in ranks.folders(case):
+        for path in folder.glob(f"*/{FIELD}*"):
+            path.unlink()
+            if not any(path.parent.iterdir()):
+                path.parent.rmdir()

@@ -105,3 +105,12 @@ def write_field(path: Path, template: Path, values: np.ndarray) -> None:
     if count != 1:
         raise StageError(f"{template}: no internalField; run the case stage again")
     write_bytes(path, header(name, path.parent.name, path.name, binary=True) + head + END)
+
+
+def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
+    """Change one entry of system/numbers, or of another file there."""
+    path = case / "system" / file
+    text, count = re.subn(rf"(?m)^{key}\s.*?;", f"{key:<23} {value};", path.read_text())
+    if count != 1:
+        raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
+    whole_file.write_text(path, text)

@@ -1,22 +1,67 @@
-"""The last complete checkpoint of a run, and the removal of tables that a resumed run rewrites."""
+"""What a run left in a case: for what it was prepared, its last checkpoint, tables to rewrite."""
 
 from __future__ import annotations
 
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fileio.errors import StageError
+from fileio.json_text import read_json
+from pipeline.openfoam.environment import foam_version
+from pipeline.openfoam.foamfile import field_of, labels_of, read_field
 from pipeline.openfoam.function_objects import table_rows, tables
 from pipeline.openfoam.ranks import Ranks, is_whole
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 
 LOG = "log.pimpleFoam"
+STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's folder was prepared
 _LOGGED_STEP = re.compile(r"(?m)^ExecutionTime = .*ClockTime = \d+ s$")
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
+
+
+def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
+    """The mesh (time of its file), ranks and OpenFOAM to which the files in `case` belong."""
+    points = case / "constant" / "polyMesh" / "points"
+    if not points.exists():
+        raise StageError(f"{case}: no mesh; run the case stage first")
+    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
+    return state | ({"collated": True} if ranks.collated else {})
+
+
+def prepared_for(case: Path) -> dict[str, Any]:
+    """The state for which `case` was last prepared, or {}. StageError where the file is damaged."""
+    path, remedy = case / STATE, "delete it and run make again"
+    if not path.exists():
+        return {}
+    return read_json(path, f"{remedy}: {case.name} is solved from its beginning")
+
+
+def prepared_ranks(case: Path) -> Ranks:
+    """The ranks for which `case` was last prepared; one where it never was."""
+    state = prepared_for(case)
+    return Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
+
+
+def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
+    """The ranks of an interrupted run that can be resumed, else `ranks`.
+
+    `case`: folder of the first interval, whose mesh is `moving` or not; the others follow it.
+    """
+    earlier = prepared_ranks(case)
+    known = earlier != ranks and prepared_for(case) == case_state(case, earlier)
+    if not known or last_checkpoint(case, earlier, moving) is None:
+        return ranks
+    if not quiet:
+        print(
+            f"run: resumes with {earlier}, not {ranks} (remove {case.parent} to start again from"
+            " the beginning)"
+        )
+    return earlier
 
 
 def saved_times(case: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
@@ -36,6 +81,23 @@ def _whole_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> dict[fl
         if all(is_whole(path, ranks) for path in files):
             saved[time] = place.name
     return saved
+
+
+def saved_field(case: Path, name: str, ranks: Ranks, cells: int) -> np.ndarray:
+    """A field `<time>/<name>` of all cells in the mesh's own order, from the files of all ranks."""
+    if ranks.count == 1:
+        return read_field(case / name, cells)
+    whole: np.ndarray | None = None
+    addressing = ranks.contents(case, "constant/polyMesh/cellProcAddressing")
+    for labels, content in zip(addressing, ranks.contents(case, name), strict=True):
+        members = labels_of(labels)
+        part = field_of(content, len(members), case / name)
+        if whole is None:
+            whole = np.full((cells, *part.shape[1:]), np.nan)
+        whole[members] = part
+    if whole is None or np.isnan(whole).any():
+        raise StageError(f"{case}: {name} is not whole; delete the case folder and run make again")
+    return whole
 
 
 def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:

@@ -3,61 +3,165 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
 from fileio.atomic import write_text
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
+from fileio.formats.mesh_intervals import IntervalMesh
 from fileio.json_text import read_json
-from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
+from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_edges
 from pipeline.openfoam.displacement_files import time_name
-from pipeline.openfoam.foamfile import (
-    END,
-    field_of,
-    header,
-    labels_of,
-    read_field,
-    write_bytes,
-    write_field,
-)
+from pipeline.openfoam.foamfile import END, header, write_bytes, write_field
 from pipeline.openfoam.ranks import Ranks
+from pipeline.run.checkpoint import saved_field
 
 # of the run's peak force: the forces of two intervals that differ by less agree
 _AGREED = 0.02
 FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
-def cells_of(out: Path, interval: Interval, time: float) -> SweptCells:
-    """The mesh of an interval in its shape at `time` s."""
-    planform = read_planform(out, interval.mesh)
-    motion = read_motion(out, interval.mesh)
-    return swept_cells(
-        planform, read_sweep(out, interval.name), motion.nodes(time), motion.velocity(time)
+@dataclass(frozen=True)
+class SweptCells:
+    """Columns of a planform, and the column and layer of each cell."""
+
+    outline: np.ndarray  # (column, 4, 2) corners; a triangle's last one twice
+    edges: Edges
+    centre: np.ndarray  # (column, 2) m
+    area: np.ndarray  # (column,) m²
+    middle: np.ndarray  # (edge, 2) m
+    wall_velocity: np.ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
+    levels: np.ndarray
+    column: np.ndarray
+    layer: np.ndarray
+
+    @property
+    def volume(self) -> np.ndarray:
+        """Volume of each cell, m³."""
+        return self.area[self.column] * np.diff(self.levels)[self.layer]
+
+    def numbers(self) -> np.ndarray:
+        """Number of the cell in each column and layer; -1 inside a body."""
+        number = np.full((len(self.centre), len(self.levels) - 1), -1)
+        number[self.column, self.layer] = np.arange(len(self.column))
+        return number
+
+
+def swept_cells(mesh: IntervalMesh, time: float) -> SweptCells:
+    """The cells of a mesh in its shape at `time` s."""
+    nodes, velocity = mesh.motion.nodes(time), mesh.motion.velocity(time)
+    triangles, quads = mesh.planform["triangles"].values, mesh.planform["quads"].values
+    edges = planform_edges(triangles, quads)
+    return SweptCells(
+        nodes[np.vstack([triangles[:, [0, 1, 2, 2]], quads])],
+        edges,
+        cell_centres(nodes, triangles, quads),
+        cell_areas(nodes, triangles, quads),
+        nodes[edges.nodes].mean(1),
+        velocity[edges.nodes].mean(1),
+        mesh.planform["levels"].values,
+        mesh.sweep["cell_column"].values,
+        mesh.sweep["cell_layer"].values,
     )
 
 
-def read_cells(case: Path, time: str, name: str, ranks: Ranks, cells: int) -> np.ndarray:
-    """A field of all cells in the mesh's own order, from one folder or from those of all ranks."""
-    if ranks.count == 1:
-        return read_field(case / time / name, cells)
-    whole: np.ndarray | None = None
-    addressing = ranks.contents(case, "constant/polyMesh/cellProcAddressing")
-    for labels, content in zip(addressing, ranks.contents(case, f"{time}/{name}"), strict=True):
-        members = labels_of(labels)
-        part = field_of(content, len(members), case / time / name)
-        if whole is None:
-            whole = np.full((cells, *part.shape[1:]), np.nan)
-        whole[members] = part
-    if whole is None or np.isnan(whole).any():
-        raise StageError(
-            f"{case}: {name} at {time} s is not whole; delete the case folder and run make again"
-        )
-    return whole
+@dataclass(frozen=True)
+class Overlap:
+    """Parts that columns of two planforms share, with area (m²) and centroid (part, 2; m)."""
+
+    source: np.ndarray
+    target: np.ndarray
+    area: np.ndarray
+    centre: np.ndarray
+
+
+def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
+    """All parts that the columns of two planforms share."""
+    old, new = (shapely.polygons(cells.outline) for cells in (source, target))
+    inside, cut = shapely.STRtree(old).query(new, predicate="intersects")
+    shared = shapely.intersection(new[inside], old[cut])
+    area = shapely.area(shared)
+    real = area > 1e-9 * target.area[inside]  # neither points nor edges
+    centre = shapely.get_coordinates(shapely.centroid(shared[real]))
+    return Overlap(cut[real], inside[real], area[real], centre)
+
+
+def carry(
+    source: SweptCells,
+    target: SweptCells,
+    overlap: Overlap,
+    values: np.ndarray,
+    *,
+    no_slip: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (cell, n) on another mesh of the same layers: cell averages, and samples at centres.
+
+    Each source cell's value is continued linearly by its gradient, so that both are exact for
+    linear fields. The averages keep sums over the volume but smooth, the samples do not smooth.
+    Where `no_slip`, values are velocities, and walls count as neighbours.
+    """
+    averaged, sampled = (np.empty((len(target.column), values.shape[1])) for _ in range(2))
+    number, wanted = source.numbers(), target.numbers()
+    for layer in range(number.shape[1]):
+        slope = _gradients(source, values, number[:, layer], no_slip)
+
+        def continued(column, place, layer=layer, slope=slope):
+            offset = place - source.centre[column]
+            return values[number[column, layer]] + np.einsum("cd,cdn->cn", offset, slope[column])
+
+        members, columns = (np.flatnonzero(n[:, layer] >= 0) for n in (number, wanted))
+        cells = wanted[columns, layer]
+        nearest = cKDTree(source.centre[members]).query(target.centre[columns])[1]
+        sampled[cells] = continued(members[nearest], target.centre[columns])
+        part = (number[overlap.source, layer] >= 0) & (wanted[overlap.target, layer] >= 0)
+        part_cell = wanted[overlap.target[part], layer]
+        weight = overlap.area[part]
+        total = np.bincount(part_cell, weight, len(averaged))[cells]
+        share = weight[:, None] * continued(overlap.source[part], overlap.centre[part])
+        sums = [np.bincount(part_cell, column, len(averaged))[cells] for column in share.T]
+        # less is a sliver at a wall, whose chords differ
+        covered = total > 0.1 * target.area[columns]
+        averaged[cells] = sampled[cells]
+        averaged[cells[covered]] = np.stack(sums, 1)[covered] / total[covered, None]
+    return averaged, sampled
+
+
+def _gradients(
+    cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool
+) -> np.ndarray:
+    """Gradients (column, axis, n) in one layer, by least squares over the neighbours.
+
+    Weights are inverse squares of the distance.
+    """
+    left, right = cells.edges.left, cells.edges.right
+    inner = right >= 0
+    there, beyond = number[left] >= 0, inner & (number[right] >= 0)
+    both = there & beyond
+    own = [left[both], right[both]]
+    offset = [cells.centre[right[both]] - cells.centre[left[both]]]
+    rise = [values[number[right[both]]] - values[number[left[both]]]]
+    offset.append(-offset[0])
+    rise.append(-rise[0])
+    if no_slip:
+        for wall, cell in ((inner & there & ~beyond, left), (beyond & ~there, right)):
+            own.append(cell[wall])
+            offset.append(cells.middle[wall] - cells.centre[cell[wall]])
+            speed = np.zeros((int(wall.sum()), values.shape[1]))
+            speed[:, :2] = cells.wall_velocity[wall]
+            rise.append(speed - values[number[cell[wall]]])
+    owner, step, change = np.concatenate(own), np.vstack(offset), np.vstack(rise)
+    weight = 1 / (step**2).sum(1)
+    count = len(cells.centre)
+    matrix = np.zeros((count, 2, 2))
+    known = np.zeros((count, 2, values.shape[1]))
+    np.add.at(matrix, owner, weight[:, None, None] * step[:, :, None] * step[:, None, :])
+    np.add.at(known, owner, weight[:, None, None] * step[:, :, None] * change[:, None, :])
+    # a cell with neighbours on one line only has no slope across it
+    return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True) @ known
 
 
 def square_sum(cells: SweptCells, a: np.ndarray, b: np.ndarray) -> float:
@@ -80,35 +184,37 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, a
     return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
-def map_fields(out: Path, before: Interval, interval: Interval, ranks: Ranks, step: int) -> None:
-    """Write the first fields of `interval`, at time step number `step`, from the one before it."""
-    old, new = out / "case" / before.name, out / "case" / interval.name
-    name = time_name(interval.begin)
-    source, target = (cells_of(out, of, interval.begin) for of in (before, interval))
+def map_fields(
+    old: Path, before: IntervalMesh, case: Path, mesh: IntervalMesh, ranks: Ranks, step: int
+) -> None:
+    """Write the first fields of `case`, at time step number `step`, from those of the case `old`.
+
+    `before`, `mesh`: the meshes of both.
+    """
+    time = mesh.interval.begin
+    name = time_name(time)
+    new, templates = case / name, case / "0.orig"
+    source, target = (swept_cells(each, time) for each in (before, mesh))
     velocity, pressure = (
-        read_cells(old, name, field, ranks, len(source.column)) for field in ("U", "p")
+        saved_field(old, f"{name}/{field}", ranks, len(source.column)) for field in ("U", "p")
     )
     overlap = overlap_of(source, target)
     averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)
-    mapped = averaged + energy_share(source, target, velocity, averaged, sampled) * (
-        sampled - averaged
-    )
-    write_field(new / name / "U", new / "0.orig" / "U", mapped)
+    share = energy_share(source, target, velocity, averaged, sampled)
+    mapped = averaged + share * (sampled - averaged)
     first_guess = carry(source, target, overlap, pressure[:, None], no_slip=False)[0][:, 0]
-    write_field(new / name / "p", new / "0.orig" / "p", first_guess)
-    for path in (new / "0.orig").iterdir():
-        if not (new / name / path.name).exists():
-            write_bytes(new / name / path.name, path.read_bytes() + END)
+    energy = square_sum(source, velocity, velocity)
+    jump = square_sum(target, mapped, mapped) / energy - 1 if energy else 0.0
+    write_field(new / "U", templates / "U", mapped)
+    write_field(new / "p", templates / "p", first_guess)
+    for path in templates.iterdir():
+        if not (new / path.name).exists():
+            write_bytes(new / path.name, path.read_bytes() + END)
     # the sheet's pictures keep their phase over the field mapping
     index = b"index %d;\n" % step
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
-    write_bytes(new / name / "uniform" / "time", time_header + index + END)
-    energy = square_sum(source, velocity, velocity)
-    jump = square_sum(target, mapped, mapped) / energy - 1 if energy else 0.0
-    write_text(
-        new / FIELD_MAPPING,
-        json.dumps({"mapped_at": interval.begin, "mapping_jump_fraction": jump}),
-    )
+    write_bytes(new / "uniform" / "time", time_header + index + END)
+    write_text(case / FIELD_MAPPING, json.dumps({"mapped_at": time, "mapping_jump_fraction": jump}))
 
 
 def _common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,24 +238,28 @@ def settling_time(
     return float(old[np.flatnonzero(off)[-1] + 1, 0] - mapped_at) if off.any() else 0.0
 
 
-def field_mappings(intervals: tuple[Interval, ...], cases: list[Path], force: list[np.ndarray],
-             energy: list[np.ndarray]) -> list[dict[str, Any]]:  # fmt: skip
+def _read_mapping(case: Path) -> dict[str, Any]:
+    remedy = f"delete {case / 'state.json'} and run make again: that interval is solved anew"
+    return read_json(case / FIELD_MAPPING, remedy)
+
+
+def field_mappings(
+    cases: list[Path], starts: list[float], force: list[np.ndarray], energy: list[np.ndarray]
+) -> list[dict[str, Any]]:
     """The field mappings of run.json: kinetic energy (J) on both sides, settling time of the force.
 
-    `force` (time, component …) and `energy` (time, energy): of each interval with its overlap.
+    `starts` (s), `force` (time, component …) and `energy` (time, energy): of each interval, the
+    tables with its overlap.
     """
     peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
     records = []
-    for k in range(1, len(intervals)):
-        record = read_json(
-            cases[k] / FIELD_MAPPING,
-            f"delete {cases[k] / 'state.json'} and run make again: that interval is solved anew",
-        )
+    for k in range(1, len(starts)):
+        record = _read_mapping(cases[k])
         before, after = (float(table[-1, 1]) for table in _common(energy[k - 1], energy[k]))
         settled = settling_time(force[k - 1][:, :3], force[k][:, :3], record["mapped_at"], peak)
         records.append(
             {
-                "time": intervals[k].start,
+                "time": starts[k],
                 "kinetic_energy_before": before,
                 "kinetic_energy_after": after,
                 "jump_fraction": (after - before) / before if before else 0.0,

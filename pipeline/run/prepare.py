@@ -3,117 +3,180 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import subprocess
+import tempfile
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import xarray as xr
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from tqdm import tqdm
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
-from fileio.json_text import read_json
+from fileio.formats.mesh_intervals import IntervalMesh
 from fileio.record import check_whole
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
-from pipeline.openfoam.environment import COLLATED, foam_version, run_tool
-from pipeline.openfoam.foamfile import labels_of, write_list
+from pipeline.openfoam.environment import COLLATED, run_tool
+from pipeline.openfoam.foamfile import set_number, write_list
 from pipeline.openfoam.ranks import Ranks
+from pipeline.run.checkpoint import STATE, case_state, prepared_for
 from pipeline.run.map_fields import map_fields
-from pipeline.run.partition import partition_columns
-from pipeline.run.solver import PROGRESS, has_ended, set_number
+from pipeline.run.solver import PROGRESS, has_ended
 
-STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's folder was prepared
-
-
-def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
-    """The mesh (time of its file), ranks and OpenFOAM to which the files in `case` belong."""
-    points = case / "constant" / "polyMesh" / "points"
-    if not points.exists():
-        raise StageError(f"{case}: no mesh; run the case stage first")
-    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
-    return state | ({"collated": True} if ranks.collated else {})
-
-
-def prepared_for(case: Path) -> dict[str, Any]:
-    """The state for which `case` was last prepared, or {}. StageError where the file is damaged."""
-    path, remedy = case / STATE, "delete it and run make again"
-    if not path.exists():
-        return {}
-    return read_json(path, f"{remedy}: {case.name} is solved from its beginning")
-
-
-def prepared_ranks(case: Path) -> Ranks:
-    """The ranks for which `case` was last prepared; one where it never was."""
-    state = prepared_for(case)
-    return Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
+_REPAIRS = 10  # rounds of moving stray pieces; two were enough for 64 ranks on every level
+_SCOTCH = ("gpart", "scotch_gpart")  # scotch's own name of its partitioner, and Debian's
 
 
 def prepare(
-    out: Path, intervals: tuple[Interval, ...], interval: Interval, ranks: Ranks, steps: Steps,
-    quiet: bool,
-) -> None:  # fmt: skip
-    """Decompose an interval's case, map its first fields and write its motion, unless done.
+    cases: list[Path], meshes: list[IntervalMesh], k: int, ranks: Ranks, steps: Steps, quiet: bool
+) -> None:
+    """Decompose case number `k`, map its first fields and write its motion, unless done.
 
-    `out`: the level's folder. Done counts only for the same mesh, ranks and version of OpenFOAM.
+    Done counts only for the same mesh, ranks and version of OpenFOAM.
     """
-    case = out / "case" / interval.name
+    case, mesh = cases[k], meshes[k]
     wanted = case_state(case, ranks)
     for path in (case / "constant" / "polyMesh").iterdir():
-        check_whole(path, f"delete {out / 'sweep.h5'} and run make again")
+        check_whole(path, f"delete {case.parents[1] / 'sweep.h5'} and run make again")
     done = prepared_for(case) == wanted
     # the frames are removed after an interval: one that is solved again needs them
-    if done and (has_ended(case, interval) or frames_laid(ranks.folders(case)[0])):
+    if done and (has_ended(case, mesh.interval) or frames_laid(case, ranks)):
         return
-    planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
     if not done:
         # interrupted from here on, this interval and those after it start from the beginning
-        for later in reversed(intervals[interval.index :]):
+        for later in reversed(cases[k:]):
             for stale in (STATE, PROGRESS):
-                (out / "case" / later.name / stale).unlink(missing_ok=True)
+                (later / stale).unlink(missing_ok=True)
         for folder in case.iterdir():
             time = re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0"
             if folder.is_dir() and (
                 time or folder.name.startswith(("processor", "postProcessing"))
             ):
                 shutil.rmtree(folder)
-        set_number(case, "startTime", time_name(interval.begin))
-        if interval.index:
-            map_fields(out, intervals[interval.index - 1], interval, ranks, steps.first)
+        if k:
+            map_fields(cases[k - 1], meshes[k - 1], case, mesh, ranks, steps.first)
         if ranks.count > 1:
-            _decompose(case, sweep, planform, ranks)
-    if interval.moving:
-        node, level = sweep["node"].values, sweep["level"].values
-        kind = planform.attrs["model"]
-        driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
-        points = [np.arange(len(node))]
-        if ranks.count > 1:
-            addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
-            points = [labels_of(block) for block in addressing]
-        frames = write_frames(
-            ranks.folders(case), read_motion(out, interval.mesh), [node[p] for p in points],
-            [driving[p] for p in points], steps.times, kind == "2d", ranks.collated,
-        )  # fmt: skip
+            _decompose(case, mesh, ranks)
+    if mesh.interval.moving:
+        frames = write_frames(case, mesh, steps.times, ranks)
         for _ in tqdm(frames, desc="frames", total=len(steps.times), disable=quiet or None):
             pass
     if not done:
         write_text(case / STATE, json.dumps(wanted))
 
 
-def _decompose(case: Path, sweep: xr.Dataset, planform: xr.Dataset, ranks: Ranks) -> None:
-    column = sweep["cell_column"].values
-    triangles, quads = planform["triangles"].values, planform["quads"].values
-    centres = cell_centres(planform["points"].values[0], triangles, quads)
+def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
+    planform, column = mesh.planform, mesh.sweep["cell_column"].values
+    cells = planform["triangles"].values, planform["quads"].values
+    centres = cell_centres(planform["points"].values[0], *cells)
+    pairs = neighbours(planform_edges(*cells))
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(
-        centres, load, ranks.count, neighbours(planform_edges(triangles, quads))
-    )[column]
+    rank = partition_columns(centres, load, ranks.count, pairs)[column]
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
+    set_number(case, "startTime", time_name(mesh.interval.begin))
     set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
     files = COLLATED if ranks.collated else ()
     run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case, "log.decomposePar")
+
+
+def partition_columns(
+    centres: np.ndarray, load: np.ndarray, ranks: int, pairs: np.ndarray
+) -> np.ndarray:
+    """Rank of each column of cells: by scotch where it is installed, else by recursive bisection.
+
+    centres (column, 2) m; load (column,): cells of each, zero where a column has none; pairs
+    (edge, 2): neighbouring columns. StageError where scotch fails.
+    """
+    program = next(filter(None, map(shutil.which, _SCOTCH)), None)
+    if program:
+        rank = _by_scotch(program, load, pairs, ranks)
+    else:
+        rank = np.zeros(len(centres), int)
+        _bisect(centres, load, np.arange(len(centres)), 0, ranks, rank)
+    return _whole_pieces(rank, load, pairs)
+
+
+def _shared_faces(load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Faces (edge,) between neighbouring columns: the layers that both have."""
+    return np.minimum(load[pairs[:, 0]], load[pairs[:, 1]])
+
+
+def _whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Give each rank's stray pieces to the neighbour with which they share most faces."""
+    rank, faces = rank.copy(), _shared_faces(load, pairs)
+    for _ in range(_REPAIRS):
+        inside = (rank[pairs[:, 0]] == rank[pairs[:, 1]]) & (faces > 0)
+        a, b = pairs[inside].T
+        graph = coo_array((np.ones(len(a), np.int8), (a, b)), shape=(len(rank), len(rank)))
+        connected = connected_components(graph, directed=False)[1]
+        piece = np.where(load > 0, connected, -1)  # of each column within its rank
+        size = np.bincount(piece[piece >= 0], load[piece >= 0])
+        kept: dict[int, int] = {}  # the largest piece of each rank stays
+        for name in np.unique(piece[piece >= 0]):
+            owner = int(rank[np.argmax(piece == name)])
+            if owner not in kept or size[name] > size[kept[owner]]:
+                kept[owner] = int(name)
+        stray = np.setdiff1d(np.unique(piece[piece >= 0]), list(kept.values()))
+        if not stray.size:
+            break
+        for name in stray:
+            sides = piece[pairs] == name
+            edge = sides.any(1) & ~sides.all(1) & (faces > 0)
+            other = np.where(sides[edge, 0], pairs[edge, 1], pairs[edge, 0])
+            if other.size:
+                rank[piece == name] = np.argmax(np.bincount(rank[other], faces[edge]))
+    return rank
+
+
+def _bisect(centres: np.ndarray, load: np.ndarray, members: np.ndarray, first: int, ranks: int,
+            rank: np.ndarray) -> None:  # fmt: skip
+    if ranks == 1:
+        rank[members] = first
+        return
+    lower = ranks // 2
+    # across the direction in which the cells spread more: few shared faces
+    axis = int(
+        np.argmax(np.average((centres[members] - np.median(centres[members], 0)) ** 2, axis=0))
+    )
+    ordered = members[np.argsort(centres[members, axis], kind="stable")]
+    share = np.cumsum(load[ordered])
+    cut = int(np.searchsorted(share, share[-1] * lower / ranks))
+    _bisect(centres, load, ordered[:cut], first, lower, rank)
+    _bisect(centres, load, ordered[cut:], first + lower, ranks - lower, rank)
+
+
+def _by_scotch(program: str, load: np.ndarray, pairs: np.ndarray, ranks: int) -> np.ndarray:
+    """Rank (column,) of equal `load` and few shared faces; columns without cells: rank 0."""
+    faces = _shared_faces(load, pairs)
+    columns = np.flatnonzero(load > 0)
+    number = np.full(len(load), -1)
+    number[columns] = np.arange(len(columns))
+    edges = number[pairs[faces > 0]]
+    ends = np.vstack([edges, edges[:, ::-1]])
+    order = np.argsort(ends[:, 0], kind="stable")
+    ends, weight = ends[order], np.tile(faces[faces > 0].astype(int), 2)[order]
+    begin = np.searchsorted(ends[:, 0], np.arange(len(columns) + 1))
+    # scotch's format 0 with weights of vertices and edges: its manual, section 5.1
+    lines = [f"0\n{len(columns)} {len(ends)}\n0 011"]
+    for cells, (a, b) in zip(load[columns].astype(int), pairwise(begin), strict=True):
+        arcs = " ".join(f"{w} {v}" for w, v in zip(weight[a:b], ends[a:b, 1], strict=True))
+        lines.append(f"{cells} {b - a} {arcs}")
+    # equal meshes, equal parts
+    env = os.environ | {"SCOTCH_PTHREAD_NUMBER": "1", "SCOTCH_DETERMINISTIC": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        graph, mapping = Path(folder) / "columns.grf", Path(folder) / "columns.map"
+        graph.write_text("\n".join(lines) + "\n")
+        command = [program, str(ranks), str(graph), str(mapping), "/dev/null"]
+        done = subprocess.run(command, env=env, capture_output=True, text=True)
+        if done.returncode != 0 or not mapping.exists():
+            raise StageError(f"{program} failed: {(done.stderr or done.stdout).strip()[-300:]}")
+        assigned = np.loadtxt(mapping, int, skiprows=1, ndmin=2)
+    rank = np.zeros(len(load), int)
+    rank[columns[assigned[:, 0]]] = assigned[:, 1]
+    return rank

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
-from fileio.formats.mesh_intervals import PER_FINGER, Interval, read_planform
-from fileio.formats.records import FORCES, HISTORY, LOSSES, MESH_QUALITY, POWER, POWER_TERMS
-from pipeline.openfoam.displacement_files import time_name
+from fileio.formats.mesh_intervals import PER_FINGER, IntervalMesh
+from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS
 from pipeline.openfoam.function_objects import read_function_object
+from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import LOG
-from pipeline.run.energy import finger_power, resolved_dissipation
+from pipeline.run.guards import Budget, energy_from_nothing
 from pipeline.run.map_fields import field_mappings
-from pipeline.run.power_terms import integrals
+from pipeline.run.power import power_balance, power_rows, term_rows
+from pipeline.scene.sections import Fluid
 
 
 def _forces(case: Path, per_finger: int) -> np.ndarray:
@@ -28,43 +28,6 @@ def _forces(case: Path, per_finger: int) -> np.ndarray:
     if per_finger > 1:
         table[:, 3] = 0.0  # the mirror half's z-force cancels
     return table
-
-
-def _power(case: Path, density: float, viscosity: float, copies: int) -> np.ndarray:
-    """Columns POWER for the whole tank (all fingers), which holds `copies` of the computed part."""
-    raw = read_function_object(case / "postProcessing" / "volumes", "volFieldValue.dat")
-    times, square, gradient, half_vorticity = raw.T
-    surfaces = case / "postProcessing" / "fingerSurface"
-    work = [finger_power(surfaces / time_name(time) / "finger.vtk", density) for time in times]
-    dissipation = resolved_dissipation(density, viscosity, gradient, half_vorticity)
-    return np.column_stack(
-        [times, copies * np.array(work), copies * 0.5 * density * square, copies * dissipation]
-    )
-
-
-def power_balance(table: np.ndarray, terms: np.ndarray) -> dict[str, Any]:
-    """Work = kinetic energy + energy taken by each of `terms` (POWER_TERMS) + an unexplained rest.
-
-    `closure`: the rest after the resolved dissipation of `table` (POWER).
-    """
-    time = np.concatenate([[0.0], table[:, 0]])
-    rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
-    work, dissipated = np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None], axis=0)
-    kinetic = table[-1, 2]
-    closure = work - kinetic - dissipated
-    taken = integrals(terms)
-    unexplained = work - kinetic - sum(taken[name] for name in LOSSES)
-    scale = abs(work) if work else 1.0
-    return {
-        "work": float(work),
-        "kinetic_energy": float(kinetic),
-        "dissipated": float(dissipated),
-        "closure": float(closure),
-        "closure_fraction": float(closure / scale),
-        "taken": taken,
-        "unexplained": float(unexplained),
-        "unexplained_fraction": float(unexplained / scale),
-    }
 
 
 _STEP = re.compile(
@@ -103,52 +66,65 @@ def _mesh_quality(path: Path) -> dict[str, float]:
     return {name: float(pick(table[name])) for name, pick in worst.items()}
 
 
-def copies_of(planform: xr.Dataset) -> int:
-    """Computed parts in the whole tank."""
-    return PER_FINGER[str(planform.attrs["model"])] * (2 if planform.attrs["mirror"] else 1)
-
-
-def _joined(intervals: tuple[Interval, ...], tables: list[np.ndarray]) -> np.ndarray:
+def _joined(meshes: list[IntervalMesh], tables: list[np.ndarray]) -> np.ndarray:
     """One table (time, …) of those of all intervals, without their overlaps."""
     return np.vstack(
         [
-            table[table[:, 0] > interval.start + 1e-9]
-            for interval, table in zip(intervals, tables, strict=True)
+            table[table[:, 0] > mesh.interval.start + 1e-9]
+            for mesh, table in zip(meshes, tables, strict=True)
         ]
     )
 
 
-def collect_results(out: Path, intervals: tuple[Interval, ...], cells: list[int], density: float,
-                    viscosity: float, terms: np.ndarray) -> dict[str, Any]:  # fmt: skip
-    """Write the tables of run/, all intervals joined; returns their summary for run.json.
+def collect_results(
+    folder: Path,
+    cases: list[Path],
+    meshes: list[IntervalMesh],
+    ranks: Ranks,
+    fluid: Fluid,
+    convection: str,
+    budgets: list[Budget],
+) -> dict[str, Any]:
+    """Write the tables of run/ in `folder`, all intervals joined; returns their summary.
 
-    `cells`: of the mesh of each interval; `terms`: rows POWER_TERMS of the computed part.
+    StageError where `budgets`, of the intervals, find energy from nothing in the whole run.
     """
-    cases = [out / "case" / interval.name for interval in intervals]
-    planform = read_planform(out, intervals[0].mesh)
+    model, mirror = (meshes[0].planform.attrs[name] for name in ("model", "mirror"))
+    per_finger = PER_FINGER[str(model)]
+    copies = per_finger * (2 if mirror else 1)  # computed parts in the whole tank
     logs = [history(case / LOG) for case in cases]
     for earlier, later in pairwise(logs):
         later[:, -1] += earlier[-1, -1]  # the clocks add up
-    log = _joined(intervals, logs)
-    force = [_forces(case, PER_FINGER[str(planform.attrs["model"])]) for case in cases]
-    parts = [_power(case, density, viscosity, copies_of(planform)) for case in cases]
-    energy = _joined(intervals, parts)
-    terms = np.column_stack([terms[:, 0], copies_of(planform) * terms[:, 1:]])
-    POWER_TERMS.write(out / "run" / "power_terms.csv", terms)
-    FORCES.write(out / "run" / "forces.csv", _joined(intervals, force))
-    POWER.write(out / "run" / "power.csv", energy)
-    HISTORY.write(out / "run" / "history.csv", log)
+    log = _joined(meshes, logs)
+    force = [_forces(case, per_finger) for case in cases]
+    HISTORY.write(folder / "run" / "history.csv", log)
+    FORCES.write(folder / "run" / "forces.csv", _joined(meshes, force))
+    quality = _mesh_quality(folder / "mesh_quality.csv")
+    parts = [power_rows(case, fluid, copies) for case in cases]
+    terms = np.vstack(
+        [
+            term_rows(case, mesh, ranks, fluid, convection)
+            for case, mesh in zip(cases, meshes, strict=True)
+        ]
+    )
+    terms[:, 1:] *= copies
+    POWER_TERMS.write(folder / "run" / "power_terms.csv", terms)
+    starts = [mesh.interval.start for mesh in meshes]
+    mappings = field_mappings(cases, starts, force, [part[:, [0, 2]] for part in parts])
+    energy = _joined(meshes, parts)
+    POWER.write(folder / "run" / "power.csv", energy)
+    written = POWER.read(folder / "run" / "power.csv").to_numpy()
+    excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies)}
     return {
-        "cells": cells[0],
+        "cells": meshes[0].cells,
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
-        "mesh_quality": _mesh_quality(out / "mesh_quality.csv"),
-        "power_balance": power_balance(energy, terms),
+        "mesh_quality": quality,
+        "power_balance": power_balance(energy, terms) | excess,
         "intervals": [
-            {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": count}
-            for i, count in zip(intervals, cells, strict=True)
+            {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": m.cells}
+            for m in meshes
+            for i in [m.interval]
         ],
-        "field_mappings": field_mappings(
-            intervals, cases, force, [part[:, [0, 2]] for part in parts]
-        ),
+        "field_mappings": mappings,
     }

@@ -7,10 +7,14 @@ import os
 import re
 import signal
 import subprocess
+import threading
 import time
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from fileio.atomic import check_room, name_in_errors, sync_file, write_text
@@ -24,7 +28,7 @@ from pipeline.openfoam.environment import (
     last_lines,
     solver_command,
 )
-from pipeline.openfoam.foamfile import END, write_bytes
+from pipeline.openfoam.foamfile import END, set_number, write_bytes
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import (
     LOG,
@@ -34,12 +38,80 @@ from pipeline.run.checkpoint import (
     last_checkpoint,
     reached_time,
 )
-from pipeline.run.guards import FINER, SILENCE, Guard, Watchdog
+from pipeline.run.guards import FINER, Guard
 
 PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
 _OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
 _NOTE_EVERY = 10.0  # s between updates of the cost, for a run that is killed
+_SILENCE = 900.0  # s without a line from the solver
+_LONG_STEP = (60.0, 50.0)  # s, and times the median step: one that exceeds both does not end
+_FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
+
+
+class Watchdog:
+    """Calls `stop` once when the solver is silent for `limit` s or a time step does not end.
+
+    Only time of an awake machine counts. `cause` names the reason.
+    """
+
+    TICK = 5.0  # s
+
+    def __init__(self, limit: float, stop: Callable[[], None]) -> None:
+        self.limit, self.stop = limit, stop
+        self.cause: str | None = None
+        self._quiet = self._step = 0.0
+        self._begun = False  # the first time step
+        self._steps: deque[float] = deque(maxlen=101)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def reset(self) -> None:
+        """The solver has written a line."""
+        self._quiet = 0.0
+
+    def advance(self) -> None:
+        """The solver has begun another time step."""
+        if self._begun:  # what ends with the first is the start-up
+            self._steps.append(self._step)
+        self._begun = True
+        self._step = 0.0
+
+    def longest_step(self) -> float:
+        """The longest duration (s) of this time step."""
+        least, factor = _LONG_STEP
+        if not self._steps:
+            return _FIRST_STEP
+        return max(least, factor * float(np.median(list(self._steps))))
+
+    def check(self, passed: float) -> str | None:
+        """The cause of a stop after another `passed` s, else None."""
+        self._quiet += passed
+        self._step += passed
+        if self._quiet > self.limit:
+            return f"the solver has written nothing for {self.limit / 60:g} minutes"
+        if self._step > self.longest_step():
+            if not self._steps:
+                return f"the solver's first time step has not ended after {self._step:.0f} s"
+            return (
+                f"a time step has taken {self._step:.0f} s and has not ended, longer than"
+                f" {_LONG_STEP[1]:g} others"
+            )
+        return None
+
+    def _watch(self) -> None:
+        tick = min(self.TICK, self.limit / 4)
+        while self.cause is None and not self._over.wait(tick):
+            self.cause = self.check(tick)
+        if self.cause:
+            self.stop()
+
+    def __enter__(self) -> Watchdog:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
 
 
 def read_progress(case: Path) -> dict[str, Any]:
@@ -61,13 +133,13 @@ def has_ended(case: Path, interval: Interval) -> bool:
     return bool(read_progress(case).get("ended")) and first_damaged(case) >= interval.end
 
 
-def set_number(case: Path, key: str, value: str, file: str = "numbers") -> None:
-    """Change one entry of system/numbers, or of another file there."""
-    path = case / "system" / file
-    text, count = re.subn(rf"(?m)^{key}\s.*?;", f"{key:<23} {value};", path.read_text())
-    if count != 1:
-        raise StageError(f"{path}: entry {key!r} occurs {count} times; run the case stage again")
-    write_text(path, text)
+def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
+    """Whether a resumed run ends as an undisturbed one.
+
+    Versions after v1912 lose the checkpoint's mesh flux where a symmetry plane needs the geometry
+    first (docs/openfoam_versions.md); in 2-D only a pinch has one.
+    """
+    return version == "v1912" or not moving or (kind == "2d" and not pinch)
 
 
 def solve(
@@ -78,16 +150,16 @@ def solve(
     bar: tqdm,
     guard: Guard,
     resumes: bool = True,
-) -> None:
-    """Run the solver to the end of an interval, unless it has ended before.
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Run the solver to the end of an interval, unless it has ended; its progress before and now.
 
     It starts from the last whole checkpoint, or from the beginning where this OpenFOAM cannot
     resume (not `resumes`). StageError where `guard` stops it, it fails, or its samples for a guard
     of the energy end before the interval; its files are kept.
     """
-    if has_ended(case, interval):
-        return
     record = read_progress(case)
+    if has_ended(case, interval):
+        return record, record
     checkpoint = last_checkpoint(case, ranks, interval.moving) if resumes else None
     first = time_name(interval.begin)
     start, name = checkpoint or (interval.begin, first)
@@ -102,12 +174,15 @@ def solve(
     noted = clock
     cpu = 0.0  # s of all ranks
 
-    def note(ended: bool = False) -> None:
-        spent = {
+    def note(ended: bool = False) -> dict[str, Any]:
+        now = {
+            **record,
             "wall_time": record["wall_time"] + time.monotonic() - clock,
             "cpu_time": record["cpu_time"] + cpu,
+            "ended": ended,
         }
-        write_text(case / PROGRESS, json.dumps({**record, **spent, "ended": ended}))
+        write_text(case / PROGRESS, json.dumps(now))
+        return now
 
     if guard.energy and (interval.index or checkpoint):
         guard.energy.from_rest = False
@@ -137,7 +212,7 @@ def solve(
             start_new_session=True,
         )
         assert process.stdout is not None
-        with Watchdog(SILENCE, lambda: _stop(process)) as watchdog:
+        with Watchdog(_SILENCE, lambda: _stop(process)) as watchdog:
             try:
                 for line in process.stdout:
                     output.write(line)
@@ -164,7 +239,7 @@ def solve(
         guard.remedy = "check the machine and numerics, then run make again to resume"
         raise stopped(watchdog.cause)
     if code != 0:
-        raise failed(case, guard, code)
+        raise failed(case, guard.time, code)
     # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, first_damaged(case))
@@ -179,17 +254,17 @@ def solve(
     for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
         # a power cut must not shorten these files once the interval has ended
         sync_file(table)
-    note(ended=True)
+    return record, note(ended=True)
 
 
-def failed(case: Path, guard: Guard, code: int) -> StageError:
+def failed(case: Path, reached: float, code: int) -> StageError:
     """The error for a solver that ended with an exit `code`; OSError where its disk is full."""
     check_room(case)
     log = case / LOG
     tail = last_lines(log)
     if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
         return StageError(
-            f"stopped at {guard.time:g} s: the solver's numbers overflowed; the fields are kept in"
+            f"stopped at {reached:g} s: the solver's numbers overflowed; the fields are kept in"
             f" {case}: {FINER}"
         )
     rank = re.search(r"exited on signal (\d+)", tail)
@@ -197,12 +272,10 @@ def failed(case: Path, guard: Guard, code: int) -> StageError:
     if number in _OUTSIDE:
         memory = ", as where the memory is used up" if number == signal.SIGKILL else ""
         return StageError(
-            f"pimpleFoam was killed at {guard.time:g} s by {signal.Signals(number).name}{memory};"
+            f"pimpleFoam was killed at {reached:g} s by {signal.Signals(number).name}{memory};"
             " run make again: it resumes from its last checkpoint"
         )
-    return StageError(
-        f"pimpleFoam failed at {guard.time:g} s (log: {log}); its last lines:\n{tail}"
-    )
+    return StageError(f"pimpleFoam failed at {reached:g} s (log: {log}); its last lines:\n{tail}")
 
 
 def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""What a stage will probably cost: as it did before, else as single_finger did, scaled."""
+"""Estimated cost of a stage: that of its last run, else that of single_finger, scaled."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from pipeline.runs.run import Run
 from pipeline.runs.stages import BY_NAME
 from pipeline.scene.predicted import predicted
 
-SCALE = {"smoke": 0.15, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}  # of coarse
+_SCALE = {
+    "smoke": 0.15,
+    "draft": 0.5,
+    "medium": 2.0,
+    "fine": 4.0,
+    "reference": 8.0,
+}  # relative to coarse
 
 
 def estimate(run: Run, stage: str) -> tuple[float, float]:
@@ -16,7 +22,7 @@ def estimate(run: Run, stage: str) -> tuple[float, float]:
     if record is not None:
         return float(record["cpu_time"]), record["peak_memory"] / 1e6
     seconds, memory = BY_NAME[stage].cost
-    scale = SCALE.get(run.scene.level, 1.0)
+    scale = _SCALE.get(run.scene.level, 1.0)
     if BY_NAME[stage].ranks:
         size = predicted(run.scene)
         return size.cpu, max(memory, size.memory / 1e6)
@@ -24,7 +30,7 @@ def estimate(run: Run, stage: str) -> tuple[float, float]:
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit in which it is read most easily."""
+    """A time with a readable unit."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -1,4 +1,4 @@
-"""Make the stages of a run that are stale, each in a process of its own, side by side where it pays."""
+"""Make the stale stages of a run, each in its own process, in parallel where possible."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from pipeline.runs.stages import BY_NAME, FEA, Stage
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 
-TICK = 0.5  # s between two looks at the processes
-SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
+_TICK = 0.5  # s between two checks of the processes
+_SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
     "piv": lambda scene: piv_settings(scene.piv, scene.camera),
     "vortices_cfd": lambda scene: scene.vortices.model_dump(mode="json"),
@@ -41,7 +41,7 @@ SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Machine:
-    """Where stages run: MPI ranks, threads and stages at a time, MPI host file, files of ranks."""
+    """MPI ranks, parallel threads and stages, MPI host file, one file for all ranks."""
 
     ranks: int = 1
     jobs: int = 1
@@ -59,11 +59,11 @@ class Machine:
 
 @dataclass
 class _Job:
-    """A stage in its process; `words`: what it prints, and how it ended."""
+    """A stage in its process; `pipe`: its printed lines, then its exit code and error."""
 
     stage: str
     process: ForkProcess
-    words: Connection
+    pipe: Connection
     begin: float
     ended: tuple[int, str] | None = None
 
@@ -71,7 +71,7 @@ class _Job:
 def make(
     run: Run, target: str, machine: Machine, quiet: bool = False, longest: float = float("inf")
 ) -> None:
-    """Make what is stale of a target; no stage may take longer than `longest` (s).
+    """Make the stale stages of a target; no stage may take longer than `longest` (s).
 
     StageError with the sentence of the stage that failed; RuntimeError for a defect in a stage.
     """
@@ -85,7 +85,7 @@ def make(
     failed: _Job | None = None
     bar = tqdm(
         total=sum(seconds.values()), disable=quiet or not waiting or None,
-        bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {postfix}",
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {unit}",
     )  # fmt: skip
     with bar:
         try:
@@ -102,24 +102,24 @@ def make(
                     failed = failed or (job if job.ended and job.ended[0] else None)
         except BaseException:
             for job in running:
-                job.process.join()  # an interruption reaches them too, and they tidy up
+                job.process.join()  # they receive the interruption too, and clean up
             raise
     if failed is not None and failed.ended is not None:
         code, text = failed.ended
         if code == 130:
             raise KeyboardInterrupt
         if code == 1:
-            raise RuntimeError(f"{failed.stage}: {text}")  # its traceback is printed
+            raise RuntimeError(f"{failed.stage}: {text}")  # the child printed its traceback
         raise StageError(f"{failed.stage}: {text}")
 
 
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
-    """Make one stage in this process, whose inputs are there; take it over from an equal run."""
+    """Make one stage in this process; its inputs exist. Links the files of an equal run."""
     step, begin = BY_NAME[stage], time.monotonic()
     run.out.mkdir(parents=True, exist_ok=True)
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
-            return  # made by another process since
+            return  # another process made it meanwhile
         if (twin := run.twin(stage)) is not None:
             take_over(run, stage, twin)
             if not quiet:
@@ -130,7 +130,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about |= {"made_from": run.made_from(stage), "versions": versions()}
         if (record := read_record(run.out, stage)) is not None:
             for name in changed_outputs(run.out, record):
-                (run.out / name).unlink(missing_ok=True)  # a solver must not go on from it
+                (run.out / name).unlink(missing_ok=True)  # a solver must not resume from it
         record_path(run.out, stage).unlink(missing_ok=True)
         earlier = _call(run, step, machine, quiet) or Spent()
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
@@ -139,7 +139,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
 
 
 def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = False) -> None:
-    """Sample the laser sheet of a run over another view (m: x0, x1, y0, y1), where it changed.
+    """Sample the laser sheet of a run over another view (m: x0, x1, y0, y1), if stale.
 
     The record lies beside the file.
     """
@@ -155,11 +155,11 @@ def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = Fals
 
 
 def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:
-    """Call a stage's function; returns what the runs that it resumed had spent."""
+    """Call a stage's function; returns the cost of interrupted runs that it resumed."""
     module, options = import_module(step.module), machine.options(step)
     if step.piv:
         (source,) = run.inputs(step)
-        settings = SETTINGS[step.name](run.scene)
+        settings = _SETTINGS[step.name](run.scene)
         module.make(run.path(source), run.path(step.name), settings, quiet=quiet, **options)
         return None
     if step is FEA:
@@ -181,7 +181,7 @@ def _cost(wall_time: float, earlier: Spent) -> dict[str, Any]:
 
 
 def _expected(run: Run, stage: str, machine: Machine) -> float:
-    """Seconds that a stage will take by the clock."""
+    """Expected wall time of a stage, s."""
     step = BY_NAME[stage]
     return estimate(run, stage)[0] / (machine.ranks if step.ranks else 1)
 
@@ -197,38 +197,38 @@ def _start(run: Run, stage: str, machine: Machine, quiet: bool) -> _Job:
     return _Job(stage, process, here, time.monotonic())
 
 
-def _child(run: Run, stage: str, machine: Machine, quiet: bool, words: Connection) -> None:
-    """Make a stage; its lines and its end go to the parent through `words`."""
+def _child(run: Run, stage: str, machine: Machine, quiet: bool, pipe: Connection) -> None:
+    """Make a stage; sends its lines, exit code and error to the parent through `pipe`."""
     die_with_parent()
-    sys.stdout = sys.stderr = _Lines(words)
+    sys.stdout = sys.stderr = _Lines(pipe)
     try:
         make_stage(run, stage, machine, quiet)
-        words.send((0, ""))
+        pipe.send((0, ""))
     except KeyboardInterrupt:
-        words.send((130, ""))
+        pipe.send((130, ""))
     except Exception as error:
         text = sentence(error)
         if text is None:
             traceback.print_exc(file=sys.__stderr__)
-        words.send((1, one_line(error, 400)) if text is None else (2, text))
+        pipe.send((1, one_line(error, 400)) if text is None else (2, text))
 
 
 class _Lines:
-    """What a stage prints, line by line to its parent; no terminal, so progress bars stay away."""
+    """A stage's output, sent by lines to its parent; no terminal, so no progress bars."""
 
     encoding = "utf-8"
 
-    def __init__(self, words: Connection) -> None:
-        self._words, self._begun = words, ""
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._unfinished = pipe, ""
 
     def write(self, text: str) -> int:
-        *lines, self._begun = (self._begun + text).split("\n")
+        *lines, self._unfinished = (self._unfinished + text).split("\n")
         for line in lines:
-            self._words.send(line)
+            self._pipe.send(line)
         return len(text)
 
     def flush(self) -> None:
-        """Nothing is kept back but the line that is begun."""
+        """Keep an unfinished line."""
 
     def isatty(self) -> bool:
         return False
@@ -242,7 +242,7 @@ def _show(bar: tqdm, running: list[_Job], waiting: list[str], seconds: dict[str,
     left += sum(max(seconds[job.stage] - (now - job.begin), 0.0) for job in running)
     bar.n = bar.total - left
     bar.set_description_str(", ".join(job.stage for job in running), refresh=False)
-    bar.set_postfix_str(duration(bar.format_dict["elapsed"] + left), refresh=False)
+    bar.unit = duration(bar.format_dict["elapsed"] + left)
     bar.refresh()
 
 
@@ -254,13 +254,13 @@ def _end_hung(running: list[_Job], longest: float) -> None:
 
 
 def _finished(running: list[_Job], bar: tqdm) -> list[_Job]:
-    """The jobs that have ended, after some time; the lines of all are printed."""
+    """Print the lines of all jobs; returns the jobs that have ended."""
     done = []
-    for words in wait([job.words for job in running], TICK):
-        job = next(job for job in running if job.words is words)
+    for pipe in wait([job.pipe for job in running], _TICK):
+        job = next(job for job in running if job.pipe is pipe)
         try:
-            while job.words.poll():
-                message = job.words.recv()
+            while job.pipe.poll():
+                message = job.pipe.recv()
                 if isinstance(message, str):
                     bar.write(message, file=sys.stdout)
                 else:

@@ -1,4 +1,4 @@
-"""A run: a scene at a level with overrides, resolved once; what its stages were made from."""
+"""A run: a scene at a level with overrides, resolved once, and the state of its stages."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
-ANALYSED = ("actuator", "fea")  # sections of the bending analysis
-DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
+_ANALYSED = ("actuator", "fea")  # sections of the bending analysis
+_DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class Run:
         return self.scene.model_dump(mode="json")
 
     def made_from(self, stage: str) -> dict[str, Any]:
-        """What the result of a stage follows from: version, numbers, files, digests of inputs.
+        """Inputs of a stage: version, numbers, digests of files and of the results that it reads.
 
-        Keys without a value are left out, so that a new key with none makes nothing again.
+        Keys without a value are omitted, so that a new optional key makes no result stale.
         """
         step = BY_NAME[stage]
         numbers: dict[str, Any] = {}
@@ -89,7 +89,7 @@ class Run:
         return {}
 
     def why_stale(self, stage: str) -> str | None:
-        """Why a stage must be made; None where its result is there and follows from this run."""
+        """Why a stage is stale; None where its result exists and has these inputs."""
         record = read_record(self.out, stage)
         if record is None:
             return "not made yet"
@@ -128,7 +128,7 @@ class Run:
         return None
 
     def check(self, target: str) -> None:
-        """StageError where the run cannot be started: bending states of another actuator."""
+        """StageError where the bending states are those of another actuator."""
         if not self.analysed and target != "fea":
             check_states(self.scene)
 
@@ -145,7 +145,7 @@ def open_run(
     the bending states are computed in that folder.
     """
     overrides = dict(overrides or {})
-    analysed = any(key.split(".")[0] in ANALYSED for key in overrides)
+    analysed = any(key.split(".")[0] in _ANALYSED for key in overrides)
     if analysed:
         states = os.path.relpath((out or Path()) / FEA.done, folder)
         overrides = {"motion.source": "fea"} | overrides | {"motion.states": states}
@@ -162,9 +162,9 @@ def targets(target: str) -> list[str]:
 
 
 def take_over(run: Run, stage: str, source: Path) -> None:
-    """Give a run the files of a stage that another run has made in the folder `source`.
+    """Link the files of a stage from another run's folder `source` into a run.
 
-    They become further names of the same files: no stage writes into a file that is finished.
+    Hard links are safe: no stage writes into a finished file.
     """
     step = BY_NAME[stage]
     record_path(run.out, stage).unlink(missing_ok=True)
@@ -186,20 +186,20 @@ def take_over(run: Run, stage: str, source: Path) -> None:
 def _link(old: str | Path, new: str | Path) -> None:
     try:
         os.link(old, new)
-    except OSError:  # a file system without further names of a file
+    except OSError:  # a file system without hard links
         shutil.copy2(old, new)
 
 
 def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:
     roots = dict.fromkeys([scene.folder / "out", scene.out.parent])
     for root in roots:
-        for depth in DEPTHS:
+        for depth in _DEPTHS:
             for path in sorted(root.glob(f"{depth}/{record_path(Path(), stage)}")):
                 yield path.parents[1]
 
 
 def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
-    """The files besides the inputs that a stage reads, by a name that holds in every folder."""
+    """Files that a stage reads besides the results of others, by a name without folder."""
     if stage.name == "kinematics":
         named = {key: getattr(scene.motion, key) for key in FILE_KEYS}
         return {f"motion.{key}": scene.folder / name for key, name in named.items() if name}
@@ -211,7 +211,7 @@ def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
         return {f"fea.results.{key}": scene.folder / name for key, name in names.items()}
     if stage.name == "compare":
         files = {path.name: path for path in (scene.folder / "reference").glob("*.toml")}
-        if scene.pinch is not None and scene.parents:  # compared with the single finger's
+        if scene.pinch is not None and scene.parents:  # compared with the single finger
             beside = scene.parents[-1] / "out" / scene.level
             files |= {path.name: path for path in beside.glob("vortices_*.csv")}
         return files
@@ -233,7 +233,7 @@ def _sum(path: Path) -> str:
 
 
 def _difference(was: dict[str, Any], now: dict[str, Any]) -> str:
-    """The first thing in which what a result was made from is not what it follows from now."""
+    """The first difference between the recorded inputs of a result and the present ones."""
     old, new = was.get("numbers", {}), now["numbers"]
     for key in sorted(old.keys() | new.keys()):
         if old.get(key) != new.get(key):

@@ -10,11 +10,10 @@ from typing import Any
 class Stage:
     """A step from files to files in a run's folder.
 
-    `module`: has run(scene, quiet, **options); of the stages that `piv` names, one of its commands.
-    `outputs`: files, the first of which the next stages read; `*` stands for any name.
-    `folders`: all that another run with the same numbers needs besides. `sections`: what of the
-    scene the result depends on besides the inputs; True: all keys. `version`: a higher one makes
-    the stage again. `cost`: CPU seconds and memory (MB) of single_finger at level coarse.
+    module: has run(scene, quiet, **options), or is a command of piv where `piv`.
+    outputs: patterns of files; the next stages read the first. folders: linked whole into an equal
+    run. sections: keys of the scene that the result depends on, True for all. version: a new one
+    makes results stale. cost: CPU seconds and memory (MB) of single_finger at level coarse.
     """
 
     name: str
@@ -30,7 +29,7 @@ class Stage:
     cost: tuple[float, float] = (60, 500)
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
-    temporary: bool = False  # large, and read by the next stage alone: may be deleted after that
+    temporary: bool = False  # large; only the next stage reads it: may be deleted then
 
     @property
     def done(self) -> str:
@@ -38,8 +37,13 @@ class Stage:
         return self.outputs[0]
 
 
-SHEET_GRID = {"columns", "rows", "scale_mm_per_px", "centre"}  # of the camera: the sheet covers it
-MOTION = ("tank", "finger", "body", "pinch", "support", "motion")
+_SHEET_GRID = {
+    "columns",
+    "rows",
+    "scale_mm_per_px",
+    "centre",
+}  # camera keys that set the grid of the sheet
+_MOTION = ("tank", "finger", "body", "pinch", "support", "motion")
 FEA = Stage(
     "fea", "pipeline.fea.stage", "bending states of the actuator",
     outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(300, 600),
@@ -47,7 +51,7 @@ FEA = Stage(
 STAGES = (
     Stage(
         "kinematics", "pipeline.kinematics.stage", "pressure history and shapes of the finger",
-        outputs=("kinematics.h5",), sections=dict.fromkeys(MOTION, True), cost=(5, 400),
+        outputs=("kinematics.h5",), sections=dict.fromkeys(_MOTION, True), cost=(5, 400),
     ),
     # an interval begins with a picture of the sheet, and its shapes overlap by some time steps
     Stage(
@@ -57,7 +61,7 @@ STAGES = (
          "sheet": {"rate_hz"}},
         cost=(40, 500),
     ),
-    # the solver needs no more of the sheet than this: a finer grid does not solve again
+    # the solver uses only these keys of the sheet, so that a finer grid needs no new solution
     Stage(
         "case", "pipeline.case", "the OpenFOAM case",
         ("mesh",), ("sweep.h5", "case/*/constant/polyMesh/*"),
@@ -71,7 +75,7 @@ STAGES = (
     ),
     Stage(
         "sheet", "pipeline.sheet", "the flow in the laser sheet",
-        ("run",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": SHEET_GRID},
+        ("run",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": _SHEET_GRID},
     ),
     Stage(
         "images", "piv.commands.render", "what a camera would see",
@@ -119,7 +123,7 @@ TARGETS = tuple(dict.fromkeys(word for s in STAGES for word in (s.name, s.group)
 
 
 def until(target: str) -> list[Stage]:
-    """The stages that a stage or a group of them needs, and those themselves, in order."""
+    """A stage, or the stages of a group, and all their inputs, in order."""
     needed = {stage.name for stage in STAGES if target in (stage.name, stage.group)}
     for stage in reversed(STAGES):
         if stage.name in needed:

@@ -23,9 +23,6 @@ MAX_DISK = 1e13  # bytes
 MAX_CPU = 3e8  # s: ten years
 _FEWEST_PICTURES = 4  # of the sheet: a pair for PIV, and a change between two of its fields
 _FINEST = 1e-3  # of the finger's thickness: smaller cells resolve nothing of it
-# Courant number of a run over that of its wall along a cell: the flow round the tip is faster, its
-# cells are smaller. Measured: 2.8 to 5.1 over levels, models, strokes and the pinch.
-_COURANT_OF_FLOW = (2.5, 4.0)
 # key: least, most, unit, the unit by mistake, of water; liquid metals to honey
 _LIQUIDS = {
     "kinematic_viscosity": (1e-7, 1e-2, "m²/s", "mm²/s", "1e-6"),
@@ -275,29 +272,3 @@ def _check_mesh(scene: Any) -> None:
             f" {room:.3g} m to the tank's walls or the surface; lower mesh.wall_layers or"
             f" mesh.wall_first_layer by {layers / (room / 2):.2g}"
         )
-
-
-def check_courant(positions: np.ndarray, times: np.ndarray, max_courant: float) -> float:
-    """The Courant number to be expected of a moving wall.
-
-    `positions` (step, node, 2) m: wall nodes in order along the outline at even `times` (s).
-    ValueError where it is sure to exceed `max_courant`.
-    """
-    ahead = np.roll(positions, -1, axis=1) - positions
-    edge = np.hypot(ahead[..., 0], ahead[..., 1])
-    size = np.minimum(edge, np.roll(edge, 1, axis=1))[:-1]
-    moved = np.diff(positions, axis=0)
-    walk = np.hypot(moved[..., 0], moved[..., 1])
-    along = walk / size
-    at = np.unravel_index(int(np.argmax(along)), along.shape)
-    low, likely = (factor * float(along[at]) for factor in _COURANT_OF_FLOW)
-    if low > max_courant:
-        time_step = times[1] - times[0]
-        raise ValueError(
-            f"the finger's wall moves at {walk[at] / time_step:.2g} m/s along cells of"
-            f" {size[at]:.2g} m: a Courant number of about {likely:.2g}, more than"
-            f" numerics.max_courant = {max_courant:g}; give a numerics.time_step of at most"
-            f" {time_step * max_courant / likely:.2g} s (now {time_step:g} s), or larger"
-            " mesh.wall_cell and tip_cell"
-        )
-    return likely

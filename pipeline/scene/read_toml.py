@@ -66,9 +66,9 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     if base.resolve() in chain:
         raise StageError(f"{path}: extends: {parent} extends this scene in turn; break the circle")
     if not base.is_file():
-        beside = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
+        near = (found.parent.name for found in base.parent.parent.glob("*/scene.toml"))
         raise StageError(
-            f"{path}: extends = {parent!r}: no scene is there{suggestion(base.parent.name, beside)};"
+            f"{path}: extends = {parent!r}: no scene is there{suggestion(base.parent.name, near)};"
             " give its folder"
         )
     inherited = read_layers(base, chain)

@@ -1,9 +1,9 @@
-"""The motion that pressure and water make together, by whole runs: each has the motion that the loads of the one before make.
+"""Fluid-structure coupling by whole runs, a fixed-point iteration of the finger's motion.
 
-Fingers that touch are coupled until the contact law slows them down. From there they go on as the modelled water has it,
-slowed down and held by that law like prescribed ones: what a contact does to an elastic finger is not computed.
-
-The runs lie below out/<level>/coupled, so that one that was cut off resumes like any other, and none is repeated.
+The loads of each run give the motion of the next one. Fingers that touch are coupled until the
+contact law slows them down. From there the modelled loads move them and that law stops them, as
+it stops prescribed fingers: the elastic contact is not computed. The runs lie below
+out/<level>/coupled and resume like any other.
 """
 
 from __future__ import annotations
@@ -34,26 +34,24 @@ from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import STEP, Surroundings, motion
 from pipeline.structure.stage import bending_law, gravity
 
-CHEAP = "draft"  # level of the runs before the last ones
-FINE_LEVELS = ("coarse", "medium", "fine", "reference")  # that are worth it
-CHEAP_FACTOR = 5  # on the tolerance: a finer level moves the tip by as much itself, so that more cheap runs buy nothing
-FIRST = {
-    "added_mass": 0.87,
-    "drag": 2.2,
-}  # a fit to the closing stroke of the shipped finger: only where the runs begin
-OPEN = 4  # times the tolerance, of the pressure's work: what may be open where a run's own loads stand for those its motion bears
+_CHEAP = "draft"  # level of the first runs of a scene at one of _FINE_LEVELS
+_FINE_LEVELS = ("coarse", "medium", "fine", "reference")
+_CHEAP_FACTOR = 5  # on the tolerance: a change of level moves the tip by as much
+# fitted to the closing stroke of the shipped finger; they affect the first run alone
+_FIRST_LOADS = {"added_mass": 0.87, "drag": 2.2}
+_RESIDUAL_FACTOR = 4  # times the tolerance: allowed energy residual, share of the pressure's work
 SHAPES = "elastic_motion.h5"
-AFTER = "after.h5"  # beside it in the last run: the motion that the loads of this one make, and its change
+_AFTER = "after.h5"  # in the last run: the motion under its own loads, and its change
 
 
-class Structure:
-    """The scene's finger: its chain, its chambers' pressure at the structure's times, and what is around it."""
+class _Structure:
+    """The scene's finger: its chain, the pressure in its chambers over time, its surroundings."""
 
     def __init__(self, scene: Scene) -> None:
         if scene.body is not None or scene.motion.source != "fea":
             raise StageError(
-                f"{scene.folder / 'scene.toml'}: COUPLED=1 takes fingers with motion.source = 'fea': a rigid body does not bend,"
-                " and other motions have no pressure"
+                f"{scene.folder / 'scene.toml'}: COUPLED=1 takes fingers with motion.source ="
+                " 'fea': a rigid body does not bend, and other motions have no pressure"
             )
         end = scene.motion.end_time
         self.time: FloatArray = np.linspace(0.0, end, round(end / STEP) + 1)
@@ -65,35 +63,34 @@ class Structure:
         law = bending_law(states, scene.structure.bending_stiffness)
         if law is None:
             raise StageError(
-                f"{scene.folder / 'scene.toml'}: motion.states says no bending stiffness, which COUPLED=1 needs: analyse it with"
-                " make fea, or give structure.bending_stiffness (N m2)"
+                f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
+                " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness"
+                " (N m2)"
             )
         self.chain = Chain(states, law, scene.finger.width)
         self.prescribed_first = scene.structure.first_motion == "prescribed"
-        self.around = Surroundings(gravity(scene), scene.fluid.density, scene.structure.added_mass,
-                                   scene.structure.drag, scene.structure.damping)  # fmt: skip
+        model = scene.structure
+        self.around = Surroundings(
+            gravity(scene), scene.fluid.density, model.added_mass, model.drag, model.damping
+        )
 
     @property
     def step(self) -> float:
         return float(self.time[1])
 
     def modelled(self) -> FloatArray:
-        """Rotations under the modelled water."""
-        nothing = np.zeros((len(self.time), self.chain.slices, 3))
-        return motion(
-            self.chain, self.pressure, self.step, Surroundings(**vars(self.around) | FIRST), nothing
-        )
+        """Rotations under modelled added mass and drag."""
+        no_loads = np.zeros((len(self.time), self.chain.slices, 3))
+        around = replace(self.around, **_FIRST_LOADS)
+        return motion(self.chain, self.pressure, self.step, around, no_loads)
 
     def first(self) -> FloatArray:
         """Rotations of the first run."""
-        return (
-            np.zeros((len(self.time), self.chain.slices))
-            if self.prescribed_first
-            else self.modelled()
-        )
+        still = np.zeros((len(self.time), self.chain.slices))
+        return still if self.prescribed_first else self.modelled()
 
     def prolonged(self, delta: FloatArray) -> FloatArray:
-        """Rotations over the whole time: `delta` as far as it goes, then as the modelled water has it, from there on."""
+        """Rotations over the whole time: `delta`, continued by the modelled motion."""
         whole, count = self.modelled(), len(delta)
         apart = delta - whole[:count]
         later = np.arange(1, len(whole) - count + 1)[:, None]
@@ -106,19 +103,19 @@ class Structure:
         computed = loads_at(loads, self.time)
         return next_delta(self.chain, self.pressure, self.step, self.around, delta, computed)
 
-    def open_energy(self, delta: FloatArray, loads: xr.Dataset) -> float:
-        """Share of the pressure's work that is open in the motion `delta` with the loads of its own run.
+    def energy_residual(self, delta: FloatArray, loads: xr.Dataset) -> float:
+        """Energy residual of the motion `delta` with its own run's loads, share of pressure work.
 
-        With the loads that the motion was made of it is 2e-4: what is open is the work of their difference.
+        It is 2e-4 with the loads that caused the motion: the rest is the work of their difference.
         """
-        water = replace(self.around, added_mass=0.0, drag=0.0)
+        around = replace(self.around, added_mass=0.0, drag=0.0)
         computed = loads_at(loads, self.time)
-        return open_share(energies(self.chain, self.pressure, delta, self.step, water, computed))
+        return open_share(energies(self.chain, self.pressure, delta, self.step, around, computed))
 
 
 def couple(scene: Scene, machine: Machine, quiet: bool = False, target: str = "report") -> Run:
-    """The coupled run of a scene up to `target`, and those that its motion follows from. StageError."""
-    structure = Structure(scene)
+    """Make the coupled run of a scene up to `target`, and the runs of its iteration."""
+    structure = _Structure(scene)
     end = _end_of_approach(scene, structure)
     if end is None:
         return _couple_free(scene, machine, quiet, target)
@@ -127,56 +124,58 @@ def couple(scene: Scene, machine: Machine, quiet: bool = False, target: str = "r
     last = _couple_free(free, machine, quiet, "loads").out / SHAPES
     out = scene.out / "coupled" / "contact"
     delta = structure.prolonged(read_elastic_motion(last)["delta"].values)
-    _kept(structure, out / SHAPES, delta, None, digest([_numbers(scene), sha256(last)]))
+    _read_or_write(structure, out / SHAPES, delta, None, digest([_numbers(scene), sha256(last)]))
     run = _coupled_run(scene, scene.level, out)
     make(run, target, machine, quiet)
     return run
 
 
 def _couple_free(scene: Scene, machine: Machine, quiet: bool, target: str) -> Run:
-    """Runs until the motion changes no more, the last one at the scene's level. StageError."""
-    structure = Structure(scene)
+    """Make runs until the motion converges, the last at the scene's level. StageError."""
+    structure = _Structure(scene)
     home = scene.out / "coupled"
     where = scene.folder / "scene.toml"
     limit = scene.structure.tolerance * scene.finger.length
-    open_limit = OPEN * scene.structure.tolerance
-    level = CHEAP if scene.level in FINE_LEVELS else scene.level
-    delta, before, made_of = structure.first(), None, digest([_numbers(scene), "first"])
+    residual_limit = _RESIDUAL_FACTOR * scene.structure.tolerance
+    level = _CHEAP if scene.level in _FINE_LEVELS else scene.level
+    delta, before, origin = structure.first(), None, digest([_numbers(scene), "first"])
     changes: list[float] = []
-    last = left = np.inf
+    last = residual = np.inf
     for number in range(1, scene.structure.iterations + 1):
         out = home / str(number)
-        delta = _kept(structure, out / SHAPES, delta, before, made_of)
+        delta = _read_or_write(structure, out / SHAPES, delta, before, origin)
         run = _coupled_run(scene, level, out)
         make(run, "loads", machine, quiet)
         loads = read_loads(run.path("loads"))
-        left = structure.open_energy(delta, loads)
+        residual = structure.energy_residual(delta, loads)
         before, delta = delta, structure.next(delta, loads)
-        made_of = digest([_numbers(scene), sha256(run.path("loads"))])
+        origin = digest([_numbers(scene), sha256(run.path("loads"))])
         values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
         last = values["tip_change"]
         changes.append(last)
-        allowed = limit if level == scene.level else CHEAP_FACTOR * limit
+        allowed = limit if level == scene.level else _CHEAP_FACTOR * limit
         if not quiet:
             print(
-                f"couple: run {number} ({level}): the tip's place changes by {last * 1e3:.2f} mm, its turn by"
-                f" {np.degrees(values['bend_change']):.2f}°; {allowed * 1e3:.2g} mm are allowed; {left:.1%} of the energy is open",
+                f"couple: run {number} ({level}): the tip moves by {last * 1e3:.2f} mm and turns by"
+                f" {np.degrees(values['bend_change']):.2f}°; {allowed * 1e3:.2g} mm are allowed;"
+                f" energy residual {residual:.1%}",
                 flush=True,
             )
         near = check_change(changes, allowed, where)
-        if not near or (level == scene.level and left > open_limit):
+        if not near or (level == scene.level and residual > residual_limit):
             continue
         if level == scene.level:
-            write_elastic_motion(out / AFTER, values | {"made_of": made_of})
+            write_elastic_motion(out / _AFTER, values | {"made_of": origin})
             make(run, target, machine, quiet)
             for later in range(number + 1, scene.structure.iterations + 1):
                 shutil.rmtree(home / str(later), ignore_errors=True)  # of another motion
             return run
         level, changes = scene.level, []
     raise StageError(
-        f"{where}: after {scene.structure.iterations} runs the motion of level {scene.level} is not"
-        f" reached: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are allowed, and {left:.1%} of the energy was"
-        f" open, {open_limit:.2g} is allowed; raise structure.iterations"
+        f"{where}: after {scene.structure.iterations} runs the motion of level {scene.level} has"
+        f" not converged: the last change was {last * 1e3:.2g} mm, {limit * 1e3:.2g} mm are"
+        f" allowed, and the energy residual was {residual:.1%}, {residual_limit:.2g} is allowed;"
+        " raise structure.iterations"
     )
 
 
@@ -192,35 +191,35 @@ def _coupled_run(scene: Scene, level: str, out: Path) -> Run:
 
 
 def _numbers(scene: Scene) -> list[Any]:
-    """What a coupled motion follows from, but for the number of runs: where that is raised, the runs that are there stay."""
+    """Numbers and files that a coupled motion depends on, without the number of runs."""
     about = scene.model_dump(mode="json", exclude={"folder", "out", "parents", "notes"})
     about["structure"].pop("iterations")
     files = Run(scene).made_from("kinematics")["files"]
     return [about, files]
 
 
-def _kept(
-    structure: Structure, path: Path, delta: FloatArray, before: FloatArray | None, made_of: str
+def _read_or_write(
+    structure: _Structure, path: Path, delta: FloatArray, before: FloatArray | None, origin: str
 ) -> FloatArray:
-    """The rotations of a motion that is there and made of the same; else `delta`, written to `path`."""
+    """Rotations of the file `path` if it has this origin; else `delta`, written to it."""
     if path.exists():
         file = read_elastic_motion(path)
-        if file.attrs["made_of"] == made_of:
+        if file.attrs["made_of"] == origin:
             return np.asarray(file["delta"].values)
-    _write(structure, path, delta, before, made_of)
+    _write(structure, path, delta, before, origin)
     return delta
 
 
 def _write(
-    structure: Structure, path: Path, delta: FloatArray, before: FloatArray | None, made_of: str
+    structure: _Structure, path: Path, delta: FloatArray, before: FloatArray | None, origin: str
 ) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     values = motion_values(structure.chain, structure.time, structure.pressure, delta, before)
-    write_elastic_motion(path, values | {"made_of": made_of})
+    write_elastic_motion(path, values | {"made_of": origin})
 
 
-def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
-    """When (s) the contact law begins to slow down the fingers as the modelled water moves them; None where they do not touch."""
+def _end_of_approach(scene: Scene, structure: _Structure) -> float | None:
+    """Time (s) at which the contact law slows down the modelled motion; None without contact."""
     if scene.pinch is None:
         return None
     shapes = scene.out / "coupled" / "modelled.h5"
@@ -233,6 +232,5 @@ def _end_of_approach(scene: Scene, structure: Structure) -> float | None:
     gaps = gap(np.array([free.outline(float(t)) for t in time]), scene.pinch)
     if gaps.min() > scene.pinch.residual_gap:
         return None
-    return float(
-        time[np.argmax(gaps <= scene.pinch.residual_gap + scene.pinch.slowing_distance) - 1]
-    )
+    slow = scene.pinch.residual_gap + scene.pinch.slowing_distance
+    return float(time[np.argmax(gaps <= slow) - 1])

@@ -1,4 +1,4 @@
-"""How fast this machine is now: seconds of CPU for two fixed pieces of work, one like the solver's, one like PIV's."""
+"""CPU speed of this machine, by benchmarks of the solver's and of PIV's kind of work."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sparse
 
-SIDE = 40  # cells along the edge of the cube of 64,000 that the solver's piece works on
-REPEATS = 3
+_SIDE = 40  # cells along each edge of the solver benchmark's cube
+_REPEATS = 3
 
 
 def probe() -> dict[str, float]:
-    """CPU seconds of each piece, the best of three: `solver` (sparse products in main memory) and `images` (FFTs)."""
+    """Least CPU seconds of three: `solver` (sparse products) and `images` (FFTs)."""
     return {"solver": _best(_solver_work()), "images": _best(_image_work())}
 
 
 def _best(work: Callable[[], None]) -> float:
     times = []
-    for _ in range(REPEATS):
+    for _ in range(_REPEATS):
         begin = time.process_time()
         work()
         times.append(time.process_time() - begin)
@@ -27,8 +27,8 @@ def _best(work: Callable[[], None]) -> float:
 
 
 def _solver_work() -> Callable[[], None]:
-    line = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(SIDE, SIDE))
-    one = sparse.identity(SIDE)
+    line = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(_SIDE, _SIDE))
+    one = sparse.identity(_SIDE)
     laplacian = sum(
         sparse.kron(sparse.kron(a, b), c)
         for a, b, c in ((line, one, one), (one, line, one), (one, one, line))

@@ -1,4 +1,4 @@
-"""How a run ends that may be refused or stopped: a result like any other of a study."""
+"""Outcomes of runs that may be refused or stopped, recorded as results of a study."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pipeline.runs.make import Machine, make
 from pipeline.runs.run import open_run
 
 OUTCOME = "outcome"
-LONGEST = 7200.0  # s of a stage, beyond which it hangs
-LONGEST_REASON = 400  # characters
+LONGEST = 7200.0  # s; a stage that takes longer counts as hung
+_LONGEST_REASON = 400  # characters
 
 
 def outcome_digest(about: dict[str, Any]) -> str:
-    """Digest of what an outcome follows from: the run up to its last stage, and OpenFOAM."""
+    """Digest of the inputs of an outcome: the run up to its last stage, and OpenFOAM."""
     try:
         run = open_run(about["folder"], about["level"], about["overrides"], Path(about["out"]))
         made_from = run.digest(about["until"])
@@ -31,13 +31,13 @@ def outcome_digest(about: dict[str, Any]) -> str:
 
 
 def outcome_is_there(about: dict[str, Any]) -> bool:
-    """Whether the outcome of a run is noted and follows from its numbers of now."""
+    """Whether a run's outcome is recorded and its inputs are unchanged."""
     record = read_record(Path(about["out"]), OUTCOME)
     return record is not None and record["digest"] == outcome_digest(about)
 
 
 def write_outcome(about: dict[str, Any], machine: Machine) -> None:
-    """Make a run up to its last stage and note how it ended, why, and the CPU seconds it took."""
+    """Make a run up to its last stage; record how and why it ended, and its CPU time."""
     out, until = Path(about["out"]), about["until"]
     result: dict[str, Any] = {"ended": "completed", "ended_at": until, "reason": ""}
     try:
@@ -48,9 +48,13 @@ def write_outcome(about: dict[str, Any], machine: Machine) -> None:
     except RuntimeError as error:
         stage, _, text = str(error).partition(": ")
         result = {"ended": "crashed", "ended_at": stage, "reason": text}
-    for place in (out.resolve(), out, Path(about["folder"])):  # reasons hold wherever it lies
+    for place in (
+        out.resolve(),
+        out,
+        Path(about["folder"]),
+    ):  # a reason is independent of the folder
         result["reason"] = result["reason"].replace(f"{place}/", "")
-    result["reason"] = result["reason"][:LONGEST_REASON]
+    result["reason"] = result["reason"][:_LONGEST_REASON]
     if until == "run":  # no later stage reads the solver's case
         shutil.rmtree(out / "case", ignore_errors=True)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -60,7 +64,7 @@ def write_outcome(about: dict[str, Any], machine: Machine) -> None:
 
 
 def _ended(text: str) -> dict[str, Any]:
-    """The end of a run by its last words: refused, stopped by a guard, failed, or hung."""
+    """Classify an error message: refused, stopped by a guard, failed, or hung."""
     text = " ".join(text.split())
     stage, _, reason = text.partition(": ")
     stage = stage if re.fullmatch(r"\w+", stage) else "scene"

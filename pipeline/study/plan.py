@@ -1,4 +1,4 @@
-"""What is left to make of a study's runs: the jobs that Snakemake schedules, `plan.json`."""
+"""plan.json: the stale stages of a study's runs, as jobs for Snakemake."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.runs.stages import BY_NAME
 from pipeline.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from pipeline.study.rows import Row, open_row
 
-MARGIN = 2.0  # of time and memory, over what is expected
+MARGIN = 2.0  # on the estimates of time and memory
 LEAST_MINUTES, LEAST_MB = 5, 500
 
 
@@ -26,12 +26,11 @@ def plan_study(home: Path, study: str, rows: list[Row]) -> Path:
     jobs: dict[str, dict[str, Any]] = {}
     made_by: dict[str, str] = {}  # record of the first run with these numbers, by digest
     for row in rows:
-        about = _described(home, study, row)
+        about = _description(home, study, row)
         runs.append(about)
         if row.may_fail:
             if not outcome_is_there(about):
-                out = Path(about["out"])
-                jobs[str(record_path(out, OUTCOME))] = _outcome_job(about)
+                jobs[str(record_path(Path(about["out"]), OUTCOME))] = _outcome_job(about)
             continue
         _add_jobs(jobs, made_by, open_row(home, study, row), about)
     return _write(home, study, runs, jobs)
@@ -41,8 +40,8 @@ def plan_scene(folder: Path, level: str, ranks: int) -> Path:
     """Write the plan of one scene as it is, up to its report; returns its path."""
     run = open_run(folder, level)
     run.check("report")
-    about = {"run": folder.name, "folder": str(folder), "level": level, "overrides": {},
-             "out": str(run.out), "ranks": ranks, "until": "report", "may_fail": False}  # fmt: skip
+    row = Row(folder.name, level, ranks, "report")
+    about = _description(folder, "", row) | {"out": str(run.out)}
     jobs: dict[str, dict[str, Any]] = {}
     _add_jobs(jobs, {}, run, about)
     return _write(folder, f"run_{level}", [about], jobs)
@@ -63,12 +62,11 @@ def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = Fa
         make_stage(run_of(about), stage, machine, quiet=True)
 
 
-def _described(home: Path, study: str, row: Row) -> dict[str, Any]:
+def _description(home: Path, study: str, row: Row) -> dict[str, Any]:
     out = home / "out" / "studies" / study / row.run
     folder = os.path.normpath(home / row.scene)
-    return {"run": row.run, "folder": folder, "level": row.level, "overrides": row.overrides,
-            "out": str(out), "ranks": row.ranks, "until": row.until,
-            "may_fail": row.may_fail}  # fmt: skip
+    about = {key: value for key, value in vars(row).items() if key != "scene"}
+    return about | {"folder": folder, "out": str(out)}
 
 
 def _add_jobs(
@@ -77,7 +75,7 @@ def _add_jobs(
     stale = list(run.stale(about["until"], complete=True))
     for stage in stale:
         record = str(record_path(run.out, stage))
-        Path(record).unlink(missing_ok=True)  # Snakemake makes what is not there
+        Path(record).unlink(missing_ok=True)  # Snakemake makes missing files
         first = made_by.setdefault(run.digest(stage), record)
         before = [str(record_path(run.out, name)) for name in run.inputs(BY_NAME[stage])]
         before = [name for name in before if name in jobs]
@@ -101,7 +99,7 @@ def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
     try:
         run = run_of(about)
     except StageError:
-        pass  # it is refused at once
+        pass  # its outcome is a refusal
     else:
         costs = [estimate(run, stage) for stage in run.stale(about["until"])]
         minutes += round(MARGIN * sum(cost[0] for cost in costs) / 60)

@@ -14,16 +14,15 @@ from fileio.errors import StageError
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import FEA, TARGETS
 
-OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
+_OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
 
 
 @dataclass(frozen=True)
 class Row:
     """One run of a study.
 
-    overrides: values by dotted keys of the scene; until: the last stage; scene: another scene's
-    folder, relative to that of the study; may_fail: whether a refusal, or a stop by a guard, is a
-    result like any other.
+    overrides: values by dotted keys of the scene; until: the last stage; scene: folder of another
+    scene, relative to that of the study; may_fail: a refusal or a stop by a guard is a result.
     """
 
     run: str
@@ -59,11 +58,12 @@ def read_study(path: Path) -> list[Row]:
     reader = csv.DictReader(lines, skipinitialspace=True)
     header = [name.strip() for name in reader.fieldnames or ()]
     reader.fieldnames = header
-    unknown = [c for c in header if c not in OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
+    unknown = [c for c in header if c not in _OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
     if "run" not in header or unknown:
         raise StageError(
-            f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run, {', '.join(sorted(OWN_COLUMNS - {'run'}))}"
-            " and dotted keys of the scene, as numerics.time_step"
+            f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run,"
+            f" {', '.join(sorted(_OWN_COLUMNS - {'run'}))} and dotted keys of the scene, as"
+            " numerics.time_step"
         )
     rows = [_row(path, record) for record in reader]
     names = [row.run for row in rows]
@@ -86,29 +86,29 @@ def _row(path: Path, record: dict[str | None, Any]) -> Row:
         raise StageError(
             f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes"
         )
-    given = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
-    ranks = given.get("ranks", "1")
+    cells = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
+    ranks = cells.get("ranks", "1")
     if not ranks.isdecimal() or int(ranks) < 1:
         raise StageError(f"{path}: run {name}: ranks = {ranks!r}: give a whole number, 1 or more")
-    until, may_fail = given.get("until", "vortices"), given.get("may_fail", "no")
+    until, may_fail = cells.get("until", "vortices"), cells.get("may_fail", "no")
     if until not in (FEA.name, *TARGETS):
         raise StageError(f"{path}: run {name}: until = {until!r}: give one of {', '.join(TARGETS)}")
     if may_fail not in ("yes", "no"):
         raise StageError(f"{path}: run {name}: may_fail = {may_fail!r}: give yes or no")
-    overrides = {key: parse_cell(text) for key, text in given.items() if key not in OWN_COLUMNS}
+    overrides = {key: parse_cell(text) for key, text in cells.items() if key not in _OWN_COLUMNS}
     return Row(
         name,
-        given.get("level", "coarse"),
+        cells.get("level", "coarse"),
         int(ranks),
         until,
         overrides,
-        given.get("scene", "."),
+        cells.get("scene", "."),
         may_fail == "yes",
     )
 
 
 def parse_cell(text: str) -> Any:
-    """A cell as JSON where it is (numbers, true, lists, tables), as text otherwise."""
+    """The JSON value of a cell, or its text where it is no JSON."""
     try:
         return json.loads(text)
     except json.JSONDecodeError:

@@ -1,12 +1,14 @@
-"""How long a time step takes on n ranks: a model of work, halo exchange and global sums, and its fit to measured runs.
+"""Scaling model: time of a step on n ranks by work, halo exchange and global sums.
 
-Time of a step on n ranks, N cells:
+Time of a step of N cells on n ranks:
 
-    t(n) = f  +  w N/n · b(n) · i(n)  +  s N  +  m(N/n) · [latency of halo messages + their bytes / bandwidth]  +  r · latency · log2 n
+    t(n) = f + w N/n · b(n) · i(n) + s N
+           + m(N/n) · [latency + bytes / bandwidth] + r · latency · log2 n
 
-f: what a step costs however few its cells are (measured); w: seconds per cell of one rank alone (measured); b: how much ranks of one node slow each other down for want of memory
-bandwidth (measured on 2 ranks; beyond a node's saturation, from the literature); i: imbalance of whole columns; s: what
-one rank does for all (the sheet's pictures; measured); messages m and sums r by counting what PISO with GAMG sends.
+f: fixed time of a step; w: time per cell on one rank; s: time per cell that one rank spends for
+all, on pictures of the sheet; these are measured. b: slowdown of ranks that share a node's memory,
+measured on two ranks and from literature for a full node. i: imbalance of whole columns of cells.
+m: halo messages, r: global sums, both counted from PISO with GAMG.
 """
 
 from __future__ import annotations
@@ -19,42 +21,40 @@ from pipeline.openfoam.ranks import LEAST_CELLS
 
 @dataclass(frozen=True)
 class Network:
-    """What carries messages between nodes, and how many ranks a node's memory feeds."""
+    """Network between nodes, and the slowdown of ranks that share a node's memory."""
 
     latency: float  # s per message
     bandwidth: float  # bytes/s per rank
     ranks_per_node: int
-    saturated: float  # slow-down of a rank on a full node against a rank alone
-    # from a node whose memory feeds all to one that does not
-    saturated_range: tuple[float, float] | None = None
+    saturated: float  # slowdown of a rank on a full node against a rank alone
+    saturated_range: tuple[float, float] | None = None  # with ample and with scarce bandwidth
     source: str = ""
 
 
 @dataclass(frozen=True)
 class Solver:
-    """What a step costs and sends; all but the first three are counted from the algorithm."""
+    """Cost and messages of a step: three measured constants, the others from the algorithm."""
 
     seconds_per_cell: float  # w, one rank alone
     pair_slowdown: float  # b(2), two ranks on one machine
     serial_seconds_per_cell: float  # s
     pressure_cycles: float  # GAMG cycles of a step, all correctors
     momentum_sweeps: float = 6.0  # three components, about two sweeps each
-    halos_per_level: float = (
-        6.0  # smoothing twice, residual, prolongation, interpolation and scaling
-    )
+    # smoothing twice, residual, prolongation, interpolation and scaling
+    halos_per_level: float = 6.0
     coarsest_iterations: float = 10.0  # of the solver of the coarsest level, two sums each
     coarsest_cells: float = 100.0  # of a rank, where agglomeration ends
     bytes_per_face: float = 8.0
     seconds_per_step: float = 0.0  # f
 
 
-def levels(cells: float, solver: Solver) -> float:
-    """Levels of the multigrid on one rank: it halves the cells until few are left."""
+def _levels(cells: float, solver: Solver) -> float:
+    """Multigrid levels on one rank; each level halves the cells."""
     return max(1.0, math.log2(max(cells, 2.0) / solver.coarsest_cells))
 
 
-def slowdown(ranks: int, solver: Solver, network: Network) -> float:
-    """How much slower a rank works among the others of its node: measured on two, literature on a full node."""
+def _slowdown(ranks: int, solver: Solver, network: Network) -> float:
+    """Slowdown b of a rank by the others of its node, interpolated in log2 of their number."""
     here = min(ranks, network.ranks_per_node)
     if here <= 1:
         return 1.0
@@ -65,7 +65,7 @@ def slowdown(ranks: int, solver: Solver, network: Network) -> float:
 
 
 def imbalance(cells: float, ranks: int, columns: float) -> float:
-    """Largest load over the mean: whole columns are handed out, so that a rank has half a column too many or few."""
+    """Largest load over the mean: each rank has whole columns, so half a column too many."""
     return 1.0 if ranks == 1 else 1.0 + 0.5 * ranks / max(columns, 1.0) + 0.01
 
 
@@ -75,19 +75,19 @@ def step_time(cells: float, ranks: int, columns: float, solver: Solver, network:
     work = (
         solver.seconds_per_cell
         * own
-        * slowdown(ranks, solver, network)
+        * _slowdown(ranks, solver, network)
         * imbalance(cells, ranks, columns)
     )
     serial = solver.serial_seconds_per_cell * cells + solver.seconds_per_step
     if ranks == 1:
         return work + serial
-    depth = levels(own, solver)
+    depth = _levels(own, solver)
     layers = cells / columns
-    # a rank's share of the planform is a patch of columns; its rim, times the layers, is what it shares
+    # faces shared with neighbours: the rim of a square patch of columns, times the layers
     faces = 4.0 * math.sqrt(columns / ranks) * layers
     halos = solver.pressure_cycles * depth * solver.halos_per_level + solver.momentum_sweeps
     neighbours = min(6, ranks - 1)
-    # coarse levels have a quarter of the faces of the finer one or so: 4/3 of the finest in all
+    # each level has a quarter of the faces of the finer one: all have 4/3 of the finest
     carried = (
         solver.pressure_cycles * solver.halos_per_level * faces * solver.bytes_per_face * 4 / 3
     )
@@ -104,9 +104,9 @@ def step_time(cells: float, ranks: int, columns: float, solver: Solver, network:
 def useful_ranks(
     cells: float, columns: float, solver: Solver, network: Network, gain: float = 0.25
 ) -> int:
-    """Most ranks (a power of two) that still pay: twice as many would save less than `gain` of the time, or be refused.
+    """Largest useful number of ranks, a power of two, each with at least LEAST_CELLS.
 
-    The run stage gives no rank fewer than LEAST_CELLS.
+    Twice as many would save less than the share `gain` of the time.
     """
     ranks = 1
     while 2 * ranks * LEAST_CELLS <= cells:
@@ -118,15 +118,17 @@ def useful_ranks(
 
 
 def fit(one: dict[str, float], two: dict[str, float] | None, network: Network) -> Solver:
-    """The solver's constants: from a run on one rank `cells`, `columns`, `step_s`, `cycles` and, of its step, `serial_s`, `fixed_s`;
-    from a mesh run on two as well `cells`, `columns`, `alone_s` and `step_s`, seconds of a step on one rank and on two.
+    """The solver's constants from measured runs; ValueError where they are inconsistent.
 
-    Raises ValueError where the numbers do not fit each other.
+    one: a run on one rank, `cells`, `columns`, `step_s`, `cycles`, and parts of the step `serial_s`
+    and `fixed_s`. two: a mesh on two ranks, `cells`, `columns`, seconds of a step on one rank
+    (`alone_s`) and on two (`step_s`).
     """
     serial, fixed = one.get("serial_s", 0.0), one.get("fixed_s", 0.0)
     if not (serial >= 0 and fixed >= 0 and serial + fixed < one["step_s"]):
         raise ValueError(
-            f"serial_s = {serial} s and fixed_s = {fixed} s are no parts of a step of {one['step_s']} s"
+            f"serial_s = {serial} s and fixed_s = {fixed} s are no parts of a step of"
+            f" {one['step_s']} s"
         )
     own = (one["step_s"] - serial - fixed) / one["cells"]
     solver = Solver(own, 1.0, serial / one["cells"], one["cycles"], seconds_per_step=fixed)

@@ -11,15 +11,18 @@ from tqdm import tqdm
 
 from fileio.atomic import whole, write_bytes, write_text
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval, read_intervals, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.mesh_intervals import (
+    Interval,
+    NodeMotion,
+    read_intervals,
+    read_planform,
+    read_sweep,
+)
 from fileio.lock import exclusive
 from pipeline.openfoam.polymesh_files import read_faces
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.checkpoint import saved_times
-from pipeline.run.map_fields import read_cells
-from pipeline.run.prepare import prepared_ranks
+from pipeline.run.checkpoint import prepared_ranks, saved_field, saved_times
 from pipeline.scene.predicted import view_size
 from pipeline.scene.scene import Scene
 from pipeline.view.grids import X, Z, topology, walls, water, with_mirror_image
@@ -53,6 +56,7 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
             f"{out}: no run has written its fields there yet; make {scene.folder.name}.view"
             f" LEVEL={scene.level} runs it first"
         )
+    law = read_kinematics(out / "kinematics.h5").law
     files = {
         instant: [target / f"{part}_{k:05d}.vtu" for part in _PARTS]
         for k, instant in enumerate(shown)
@@ -71,14 +75,15 @@ def write_series(scene: Scene, target: Path, planes: tuple[int, ...], quiet: boo
             if not wanted:
                 continue
             planform, sweep = read_planform(out, interval.mesh), read_sweep(out, interval.name)
-            motion = read_motion(out, interval.mesh)
+            motion = NodeMotion.of(law, planform)
             mesh = topology(planform, sweep, read_faces(case / "constant" / "polyMesh"))
             z = planform["levels"].values[sweep["level"].values]
             for instant in wanted:
                 _, ranks, time, name = instant
                 points = np.column_stack([motion.nodes(time)[sweep["node"].values], z])
                 velocity, pressure = (
-                    read_cells(case, name, field, ranks, len(mesh.types)) for field in ("U", "p")
+                    saved_field(case, f"{name}/{field}", ranks, len(mesh.types))
+                    for field in ("U", "p")
                 )
                 pressure = scene.fluid.density * pressure
                 pair = water(mesh, points, velocity, pressure), walls(mesh, points, pressure)

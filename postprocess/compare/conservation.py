@@ -30,7 +30,7 @@ def conservation(plane: xr.Dataset, scene: dict[str, Any], forces: pd.DataFrame)
 def conservation_numbers(
     table: pd.DataFrame, met: float | None, flat: bool
 ) -> dict[str, float | None]:
-    """What is unexplained of circulation, before and after contact (s), and impulse, over the peaks.
+    """The unexplained part of circulation, before and after contact (s), and of impulse.
 
     The impulse only of a `flat` (2-D) flow: one plane does not tell that of a vortex loop.
     """

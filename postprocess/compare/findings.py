@@ -1,4 +1,4 @@
-"""The findings that a scene is checked against: reference/findings.toml, its schema and its judgement.
+"""The findings of a scene, reference/findings.toml: schema and judgement.
 
 format = "findings"
 format_version = 1
@@ -15,9 +15,9 @@ value = "dorsal"                    # number (SI), [low, high] or word
 tolerance = 0.0                     # SI, added on the generous side; numbers only
 reason = "…"                        # why this value and tolerance
 window = [0.25, 0.75]               # fractions of the change of bend angle; or one of:
-# window = { gap = [0.02, 0.005] }            from one gap between tip and plane to the next, m, as the fingers close
-# window = { contact = [-0.02, 0.1] }         s from contact (the gap has come within 0.1 mm of the residual gap)
-# window = { stroke = 1, part = [0.25, 1.0] } fractions of the change of bend within one stroke, counted from 0
+# window = { gap = [0.02, 0.005] }            gap between tip and plane, m, as the fingers close
+# window = { contact = [-0.02, 0.1] }         s from contact: 0.1 mm above the residual gap
+# window = { stroke = 1, part = [0.25, 1.0] } fractions of one stroke's bend, counted from 0
 # window = { stroke = 1, after = [0.1, 0.3] } s from the start of one stroke
 finger = 0                          # optional, which finger (quantities of a pair take both)
 """

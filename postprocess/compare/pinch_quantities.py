@@ -96,7 +96,7 @@ def _ventral_flow(part: Part) -> str:
 
 
 def _side(part: Part) -> str:
-    """Side of the strongest vortex of either finger at most instants; "different" if they differ."""
+    """Usual side of the strongest vortex of either finger; "different" if they differ."""
     rows = _integrals(part)
     if set(rows["finger"]) != {0, 1}:
         raise ValueError(f"{part.of}: no vortex at both tips {part.words()}")

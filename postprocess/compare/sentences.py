@@ -1,10 +1,10 @@
-"""What the paper says about a figure, sentence by sentence, and which findings answer each: [[sentence]] of findings.toml.
+"""Sentences of the paper on a figure, [[sentence]] of findings.toml, and their findings.
 
 [[sentence]]
 quote = "…"                  # as it is printed
 where = "Fig. 11, Results"   # in the paper
-reading = "…"                # optional: what it is taken to mean, where more than one reading is possible
-findings = ["pair-equal"]    # ids of the findings that judge it; none where it cannot be tested, and then
+reading = "…"                # optional: its meaning, where it has several readings
+findings = ["pair-equal"]    # ids of the findings that judge it; if it cannot be tested: none, and
 why = "…"                    # why not, or what of it the findings leave open
 """
 
@@ -30,7 +30,7 @@ class Sentence:
 
 
 def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence, ...]:
-    """The sentences of a file, checked against its findings; ValueError names file, sentence, key and remedy."""
+    """The sentences of a file, checked against its findings; ValueError."""
     known, out = {finding.id for finding in findings}, []
     for entry in read_toml(path).get("sentence", []):
         where = f"{path}: sentence {str(entry.get('quote', '(without quote)'))[:40]!r}"
@@ -54,7 +54,7 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
 
 
 def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
-    """A sentence with `verdict`: "met" where all its findings are, "not met" where one is not, "not judged", "not testable"."""
+    """A sentence with its `verdict`: met, not met, not judged or not testable."""
     met = [check["met"] for check in checks if check["id"] in sentence.findings]
     verdict = (
         "not met"

@@ -167,9 +167,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     if quiet:
         return
     if not files.findings.exists():
-        print(
-            f"{files.findings} is missing: agreement of PIV with the CFD is judged, findings are not"
-        )
+        print(f"{files.findings} is missing: only the agreement of PIV with the CFD is judged")
     for check in result["checks"]:
         print(f"{check['id']:32s} {VERDICTS[check['met']]:10s} {measured_text(check)}")
     print(files.out / "comparison.json")

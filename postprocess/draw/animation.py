@@ -23,7 +23,7 @@ def pixels(figure: Figure) -> np.ndarray:
 
 
 def write_picture(image: np.ndarray, path: Path, **more: int) -> None:
-    """Write an image, grey or RGB bytes, in the format of its suffix, whole or not at all; `more` as Pillow takes it."""
+    """Write an image (grey or RGB bytes) in the format of its suffix; `more` as Pillow takes it."""
     content = io.BytesIO()
     Image.fromarray(image).save(content, format=path.suffix[1:], **more)
     write_bytes(path, content.getbuffer())

@@ -1,4 +1,4 @@
-"""What the water does to the finger: its motion beside those without load and in air, the loads along it, and its energy."""
+"""The water's effect on the finger: motion, loads along it, and energy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ENERGIES = {
 
 
 def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
-    """Bend, tip path, loads across the finger and energies of a loads.h5; `as_run`: what the run's own motion is called."""
+    """Bend, tip path, loads and energies of a loads.h5; `as_run`: name of the run's own motion."""
     figure, axes = new_figure(9.6, 7.6, 2, 2)
     time = loads["step"].values
     turn, path, across, energy = axes.ravel()
@@ -53,7 +53,7 @@ def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
 
 
 def _over_groups(arc: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middles (group,) m and N/m (time, group) of _GROUP slices at a time: single slices are no longer than the mesh's faces."""
+    """Middles (group,) m and N/m (time, group) of _GROUP slices: one is as short as a face."""
     starts = np.arange(0, len(arc), _GROUP)
     count = np.diff(np.append(starts, len(arc)))
     length = np.add.reduceat(np.gradient(arc), starts)

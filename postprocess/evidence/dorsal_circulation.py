@@ -27,7 +27,7 @@ def instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
 def dorsal_circulation(
     plane: xr.Dataset, window: tuple[float, float], reach: float = REACH
 ) -> pd.DataFrame:
-    """All vorticity on the dorsal side of the first tip within `reach` tip widths, with wall layers.
+    """All vorticity on the dorsal side of the first tip within `reach` tip widths, wall included.
 
     A row per instant of `plane` in the window (s): time, circulation (m²/s), of_water (m²/s, its
     part along the region's edge in the water, which is not prescribed), x, y (m, centroid).

@@ -1,6 +1,6 @@
 """Two mirrored fingers by integrals of each half of the plane, and the jet at fixed distances.
 
-Per unit depth and density; for the impulse of a plane flow see Saffman, Vortex Dynamics (1992), 3.2.
+Per unit depth and density; impulse of a plane flow: Saffman, Vortex Dynamics (1992), 3.2.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def vortex_of(integrals: pd.DataFrame, side: str, flow: str, finger: int) -> pd.
 
 
 def formed(times: np.ndarray, pair: pd.DataFrame, width: float) -> float | None:
-    """The first of `times` (n, s) from which on a pair is there at every instant for 20 ms, or None.
+    """The first of `times` (n, s) from which a pair is there at every instant for 20 ms, or None.
 
     One that moves by a tip `width` (m) or more between two instants is another pair.
     """

@@ -11,7 +11,7 @@ REST = 1e-6  # rad or m: less is no motion but rounding
 
 
 def progress(plane: xr.Dataset) -> np.ndarray:
-    """Bend angle or turn of the first finger or body over time, rad; without one its distance, m."""
+    """Bend or turn of the first finger or body over time, rad; without one its distance, m."""
     turn, tip = plane["bend"].values[:, 0], plane["tip"].values[:, 0]
     return turn if np.ptp(turn) > REST else np.linalg.norm(tip - tip[0], axis=-1)
 
@@ -39,7 +39,7 @@ def stroke_window(
 
 
 def tip_speed(time: np.ndarray, tip: np.ndarray) -> np.ndarray:
-    """Speed (n, finger) of the tips in m/s by central differences; tip is (n, finger, axis) in m."""
+    """Speed (n, finger) of the tips, m/s, by central differences; tip: (n, finger, axis), m."""
     return np.linalg.norm(np.gradient(tip, time, axis=0), axis=-1)
 
 

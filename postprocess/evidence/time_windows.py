@@ -1,4 +1,4 @@
-"""The window of time over which a finding is judged: by bend angle, by gap, around contact, or within one stroke."""
+"""Windows of time of findings: by bend angle, by gap, around contact, or within a stroke."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ class Clock:
         return np.interp(time, *self.gaps())
 
     def met(self) -> float | None:
-        """When the tips meet, s: the gap has come within `_CONTACT` of the residual gap; None where it never does."""
+        """When the tips meet, s: the gap is within `_CONTACT` of the residual gap; or None."""
         contact = self.residual_gap + _CONTACT
         return gap_reached(self, contact) if self.gaps()[1].min() <= contact else None
 
 
 def read_window(value: Any, where: str) -> Window:
     """The window that a finding gives; ValueError names the place where it is none of the forms."""
-    table = {"bend": value} if isinstance(value, list) else value
+    table: Any = {"bend": value} if isinstance(value, list) else value
     keys = set(table) if isinstance(table, dict) else set()
     if keys not in ({"bend"}, {"gap"}, {"contact"}, {"stroke", "part"}, {"stroke", "after"}):
         raise ValueError(f"{where}: window = {value!r} must be one of {_FORMS}")
@@ -93,7 +93,7 @@ def read_window(value: Any, where: str) -> Window:
 
 
 def interval(window: Window, clock: Clock) -> tuple[float, float]:
-    """The window's first and last instant, s; ValueError where the motion has no such gap, contact or stroke."""
+    """First and last instant, s; ValueError where the motion has no such gap, contact or stroke."""
     a, b = window.edges
     if window.kind == "bend":
         return stroke_window(clock.time, clock.progress, (a, b))

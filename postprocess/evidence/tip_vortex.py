@@ -16,7 +16,7 @@ COMPARED = ("circulation", "x", "y", "core_radius")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """vortices.csv, sorted by time, an absent side as ""; ValueError where a vortex has no number."""
+    """vortices.csv by time, an absent side as ""; ValueError where a number is missing."""
     names = (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
     table = vortex_table.read_vortices(path, names)
     check_table(table, ("time", *COMPARED), path)

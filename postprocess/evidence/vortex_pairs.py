@@ -52,7 +52,7 @@ def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:
 
 
 def broken(table: pd.DataFrame, *tracks: str) -> pd.DataFrame:
-    """The table with an empty row wherever one of the `tracks` changes, so that no line joins them."""
+    """The table with an empty row where one of the `tracks` changes: no line joins them."""
     new = (table[list(tracks)] != table[list(tracks)].shift()).any(axis=1).cumsum()
     empty = pd.DataFrame(np.nan, index=[0], columns=table.select_dtypes("number").columns)
     parts = [part for _, rows in table.groupby(new) for part in (rows, empty)]

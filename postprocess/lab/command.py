@@ -30,7 +30,7 @@ from postprocess.lab.virtual.virtual_laboratory import (
     write_dpiv,
 )
 
-VIRTUAL_VIEW = -0.075, 0.12, 0.115, 0.275  # m: x0, x1, y0, y1, more than the camera sees
+_VIRTUAL_VIEW = -0.075, 0.12, 0.115, 0.275  # m: x0, x1, y0, y1; wider than the camera
 
 
 def compare_with(
@@ -39,20 +39,20 @@ def compare_with(
     """Compare a run with the recording of a dpiv.toml's folder; returns the page.
 
     `inputs`: vary the uncertain inputs by runs of their own. `quick`: print the motion alone.
-    Registration comes first: it asks for missing statements before anything is solved.
+    Registration comes first: it reports missing keys of dpiv.toml before any solving.
     """
-    dpiv = _stated(folder)
+    dpiv = _read_dpiv(folder)
     files = LabFiles(StageFiles(run.scene), dpiv.name)
     make(run, "kinematics", machine, quiet)
     files.folder.mkdir(parents=True, exist_ok=True)
     with exclusive(files.folder):
         if quick:
-            _say_motion(files, dpiv, quick=True, quiet=False)
+            _print_registration(files, dpiv, quick=True, quiet=False)
             return None
         _register(run, files, dpiv, quiet)
         known = read_inputs(run.scene.folder)
         rows = input_rows(scene_numbers(files.stage), known) if inputs else []
-        runs = {name: _beside(run, "inputs", name, values) for name, values in rows}
+        runs = {name: _variant(run, "inputs", name, values) for name, values in rows}
         if inputs:
             make(run, "case", machine, quiet)
             if not quiet:
@@ -69,12 +69,12 @@ def compare_with(
 
 
 def virtual_laboratory(run: Run, pressure_kpa: float, machine: Machine, quiet: bool) -> Path:
-    """Render a recording of a run at another pressure, with errors of set-up; returns its folder."""
+    """Render a recording of a run at another pressure, with set-up errors; returns its folder."""
     name, values = virtual_row(scene_numbers(StageFiles(run.scene)), pressure_kpa)
-    other = _beside(run, "virtual", name, values)
+    other = _variant(run, "virtual", name, values)
     make(other, "run", machine, quiet)
     sheet_file = other.out / "view.h5"
-    make_sheet(other, VIRTUAL_VIEW, sheet_file, quiet)
+    make_sheet(other, _VIRTUAL_VIEW, sheet_file, quiet)
     x, y = other.scene.finger.root
     camera = camera_for((x, y))
     set_up = SetUp(camera, Seeding(density_ppp=0.05))
@@ -86,20 +86,20 @@ def virtual_laboratory(run: Run, pressure_kpa: float, machine: Machine, quiet: b
     return folder
 
 
-def _stated(folder: Path) -> Dpiv:
+def _read_dpiv(folder: Path) -> Dpiv:
     if not (folder / NAME).is_file() and folder.name != NAME:
         raise StageError(f"DPIV={folder}: holds no {NAME}; docs/comparison.md shows one")
     return read_dpiv(folder)
 
 
-def _beside(run: Run, kind: str, name: str, values: dict[str, object]) -> Run:
-    """A run beside another one, with some numbers changed."""
+def _variant(run: Run, kind: str, name: str, values: dict[str, object]) -> Run:
+    """The run with further overrides, in its own folder."""
     scene = run.scene
     return open_run(scene.folder, scene.level, dict(run.overrides) | values, run.out / kind / name)
 
 
 def _register(run: Run, files: LabFiles, dpiv: Dpiv, quiet: bool) -> None:
-    """Find the finger in the data, unless that was done with the same motion and files."""
+    """Register the finger in the data, unless done with the same motion and files."""
     data = [
         [path.relative_to(dpiv.folder).as_posix(), path.stat().st_size, path.stat().st_mtime_ns]
         for path in sorted(dpiv.folder.rglob("*"))
@@ -109,12 +109,12 @@ def _register(run: Run, files: LabFiles, dpiv: Dpiv, quiet: bool) -> None:
     record = read_record(files.folder, "registration")
     if record and record["digest"] == made_from and not changed_outputs(files.folder, record):
         return
-    _say_motion(files, dpiv, quick=False, quiet=quiet)
+    _print_registration(files, dpiv, quick=False, quiet=quiet)
     outputs = [files.registration, files.view]
     write_record(files.folder, "registration", {"digest": made_from}, outputs)
 
 
-def _say_motion(files: LabFiles, dpiv: Dpiv, quick: bool, quiet: bool) -> None:
+def _print_registration(files: LabFiles, dpiv: Dpiv, quick: bool, quiet: bool) -> None:
     registration = run_registration(files, dpiv, quick=quick)
     if quiet:
         return

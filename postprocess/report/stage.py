@@ -23,7 +23,7 @@ _MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".
 
 
 def make_report(files: StageFiles) -> Path:
-    """Write report.html; FileNotFoundError where an input is missing, ValueError above MAX_BYTES."""
+    """Write report.html; FileNotFoundError for a missing input, ValueError above MAX_BYTES."""
     comparison = COMPARISON.read(files.required("comparison.json", "compare"))
     run = RUN.read(files.required("run/run.json", "run"))
     index = files.required("figures/figures.json", "figures")

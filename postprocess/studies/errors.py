@@ -1,4 +1,4 @@
-"""Errors of a run against the best run of a study, and the best run's own error by extrapolation."""
+"""Errors of a run against the best run of a study, whose own error is extrapolated."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def errors_against(
 
     Each is a part of its own scale, and `error` is the largest. The force's error is from the
     beginning. A flow's circulation and centre are integrals within CIRCLE, those of the fit are
-    named `…_fit`, and `error_dorsal` is of all water on the tip's dorsal side. PIV's are of the fit.
+    named `…_fit`; `error_dorsal` is of all water on the tip's dorsal side. PIV's are of the fit.
     """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
@@ -151,7 +151,7 @@ def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> di
 
 
 def _falling_order(size: np.ndarray, error: np.ndarray) -> float:
-    """Order within _ORDERS at which an `error` (2,) falls with cells of `size` (2,) of the best's."""
+    """Order in _ORDERS at which an `error` (2,) falls with cells of `size` (2,) of the best's."""
 
     def excess(order: float) -> float:
         return float((size[1] ** order - 1) * error[0] - (size[0] ** order - 1) * error[1])

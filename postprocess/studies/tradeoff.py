@@ -35,7 +35,7 @@ _LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
 
 
 def front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Whether no run (n,) is cheaper and more accurate at once; a run without error never counts."""
+    """Whether no run (n,) is both cheaper and more accurate; a run without error never counts."""
     beaten = (cost[None] <= cost[:, None]) & (error[None] <= error[:, None])
     strictly = (cost[None] < cost[:, None]) | (error[None] < error[:, None])
     return ~(beaten & strictly).any(1) & np.isfinite(error)
@@ -80,7 +80,7 @@ def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
         raise ValueError("the study has no finished run to judge the others by")
 
     def size(row: dict[str, Any]) -> tuple[int, int]:
-        record = RUN.read(files_of(row).out / "run" / "run.json")
+        record = RUN.read(Path(row["out"]) / "run" / "run.json")
         return record["cells"], record["steps"]
 
     return str(max(done, key=size)["run"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,13 @@ def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(
         command, cwd=project, capture_output=True, text=True, check=False, env=environment
     )
+
+
+def solving(scene: Scene) -> list[str]:
+    """The command of a process that runs the solver of a prepared scene, and no other stage."""
+    code = "import sys; from pipeline.run.stage import run; from pipeline.scene.scene import *"
+    code += "; run(load_scene(sys.argv[1], 'tiny'), quiet=True)"
+    return [sys.executable, "-c", code, str(scene.folder)]
 
 
 def copy_of(scene: Scene, folder: Path) -> Scene:

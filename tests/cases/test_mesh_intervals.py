@@ -4,7 +4,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from pipeline import sheet as sheets
 from pipeline.run import prepare as preparing
 from pipeline.run import stage as run_stage
 from pipeline.scene.scene import Scene
-from tests.cases.conftest import copy_of, force_difference, record, table
+from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
 
 pytestmark = [
@@ -140,8 +139,7 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
     intervals = read_intervals(scene.out)
     first, second = (scene.out / "case" / interval.name for interval in intervals[:2])
     logged = (first / "log.pimpleFoam").stat().st_mtime_ns
-    options = [str(scene.folder), "--level", "tiny", "--quiet"]
-    process = subprocess.Popen([sys.executable, "-m", "pipeline", "run", *options], cwd=ROOT)
+    process = subprocess.Popen(solving(scene), cwd=ROOT)
     deadline = time.monotonic() + 120
     while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:
         assert process.poll() is None

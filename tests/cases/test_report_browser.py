@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.scene.scene import load_scene
 from postprocess.compare.stage import compare
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.report.report import page as lab_report
@@ -32,7 +33,7 @@ AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 def page(tmp_path_factory):
     root = tmp_path_factory.mktemp("report")
     case = copy_findings(write_case(root, spacing=0.004, frames=21))
-    files = StageFiles(case, "coarse")
+    files = StageFiles(load_scene(case, "coarse"))
     compare(files)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow_figures, "FRAMES", FRAMES)
@@ -72,7 +73,7 @@ def judged():
         "scene": "finger", "level": "coarse", "data": "A laboratory", "window_s": [0.1, 0.2],
         "instants": 12, "appearance": {}, "registration": whole["registration"] | registration,
         "provenance": {
-            "scene_hash": "0" * 16, "dpiv_sha256": "0" * 64, "seed": 1,
+            "dpiv_sha256": "0" * 64, "seed": 1,
             "versions": {"python": "3.11"},
         },
     }  # fmt: skip

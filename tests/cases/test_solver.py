@@ -4,7 +4,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -13,23 +12,21 @@ import pytest
 from tqdm import tqdm
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
+from fileio.formats.mesh_intervals import read_planform
 from pipeline.case import numbers_text
 from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.environment import foam_version
-from pipeline.openfoam.foamfile import is_complete
+from pipeline.openfoam.foamfile import is_complete, set_number
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run import solver
 from pipeline.run import stage as run_stage
 from pipeline.run.guards import Guard
 from pipeline.run.prepare import prepare as lay_frames
-from pipeline.run.solver import read_progress, set_number
+from pipeline.run.solver import read_progress
 from pipeline.scene.scene import Scene, load_scene
-from tests.cases.conftest import copy_of, force_difference, record, table
-from tests.conftest import ROOT, prepare, write_scene
+from tests.cases.conftest import copy_of, force_difference, record, solving, table
+from tests.conftest import ROOT, meshes_of, prepare, write_scene
 
 pytestmark = [
     pytest.mark.openfoam,
@@ -79,8 +76,8 @@ def solved(prepared, tmp_path_factory):
 
 def test_mesh_points_follow_the_data(solved):
     """1e-11 m: rounding of metres in double precision through a few additions."""
-    motion = read_motion(solved.out)
-    node = read_sweep(solved.out, "interval_0")["node"].values
+    (mesh,) = meshes_of(solved)
+    motion, node = mesh.motion, mesh.sweep["node"].values
     for time_folder in ("0.02", "0.04"):
         points = vectors(solved.out / "case" / "interval_0" / time_folder / "polyMesh" / "points")
         wanted = motion.nodes(float(time_folder))[node]
@@ -150,8 +147,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
     scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    options = [str(killed.folder), "--level", "tiny", "--quiet"]
-    command, case = [sys.executable, "-m", "pipeline", "run", *options], killed.out / "case"
+    command, case = solving(killed), killed.out / "case"
     process = subprocess.Popen(command, cwd=ROOT)
     checkpoint = case / "interval_0" / "0.03" / "uniform" / "time"
     deadline = time.monotonic() + 600
@@ -232,14 +228,14 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     assert count == 3
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
-    intervals, steps = read_intervals(scene.out), Steps.of(0.0, 0.02, scene.numerics.time_step)
-    lay_frames(scene.out, intervals, intervals[0], Ranks(), steps, quiet=True)
+    meshes, steps = meshes_of(scene), Steps.of(0.0, 0.02, scene.numerics.time_step)
+    lay_frames([case], meshes, 0, Ranks(), steps, quiet=True)
     solution = case / "system" / "fvSolution"
     text = re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", solution.read_text())
     solution.write_text(re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", text))
     with tqdm(total=1.0, disable=True) as bar:
         guard = Guard(scene.numerics.max_courant)
-        solver.solve(case, intervals[0], Ranks(), None, bar, guard)
+        solver.solve(case, meshes[0].interval, Ranks(), None, bar, guard)
     # the linear solvers' tolerance, 1e-12, times their steps
     assert np.abs(vectors(case / "0.02" / "U") - [0.3, 0.1, 0.0]).max() < 1e-8
 

@@ -27,7 +27,8 @@ SHORT = (
     "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
 )
 COSTS = "cpu|wall|time_s|memory|made|date|_mb|seconds"  # columns that a kill changes
-TABLE = """run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
+TABLE = """\
+run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
 itself, ., tiny, run, , , ,
 thick, , tiny, run, , , , 1e-5
 edge, , tiny, run, , yes, 0.01,

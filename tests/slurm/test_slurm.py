@@ -18,6 +18,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from fileio.record import read_record
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import last_checkpoint
 from pipeline.scene.scene import load_scene
@@ -187,8 +188,7 @@ def test_a_study_of_four_runs(slurm, scene):
     note("its table", result[columns].to_string())
     assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
     assert result["peak_force_N"].drop("edge").notna().all()
-    outcome = json.loads((study / "edge" / "out" / "tiny" / "outcome.json").read_text())
-    assert outcome["ended"] == "refused"
+    assert read_record(study / "edge", "outcome")["ended"] == "refused"
     assert result.loc["two_ranks", "ranks"] == 2
     # the same run on two ranks: early ends of the pressure's iterations
     one, two = result.loc[["one_rank", "two_ranks"], "peak_force_N"]

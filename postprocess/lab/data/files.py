@@ -98,7 +98,7 @@ def write_registration(registration: Registration, path: Path, **more: Any) -> N
 def read_registration(path: Path) -> Registration:
     """The registration of a file; FileNotFoundError or ValueError in one sentence."""
     if not path.exists():
-        raise FileNotFoundError(f"{path} is missing; run python -m postprocess.lab register first")
+        raise FileNotFoundError(f"{path} is missing; run make compare first")
     whole = REGISTRATION.read(path)
     law, nuisance = whole["law"], whole["nuisance"]
     return Registration(

@@ -28,9 +28,7 @@ PICTURE_DPI = 120
 def make_report(files: LabFiles) -> Path:
     """Write figures and report.html; FileNotFoundError where the comparison was not run."""
     if not files.comparison.exists():
-        raise FileNotFoundError(
-            f"{files.comparison} is missing; run python -m postprocess.lab compare first"
-        )
+        raise FileNotFoundError(f"{files.comparison} is missing; run make compare first")
     result = LAB_COMPARISON.read(files.comparison)
     pictures = {n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, result)}
     path = files.folder / "report.html"

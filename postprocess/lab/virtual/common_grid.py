@@ -51,10 +51,7 @@ def on_common_grid(
     `options`: seed, threads and quiet.
     """
     if not files.sheet.exists():
-        raise FileNotFoundError(
-            f"{files.sheet} is missing; make compare writes it: python -m pipeline sheet CASE"
-            f" --view $(cat {files.view}) -o {files.sheet}"
-        )
+        raise FileNotFoundError(f"{files.sheet} is missing; run make compare first")
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors

@@ -1,6 +1,6 @@
 """A virtual laboratory: a recording rendered from a run, with known errors of set-up.
 
-It writes recording.h5, dpiv.toml as a laboratory would state it, and truth.json, which nothing else reads.
+It writes recording.h5, a dpiv.toml as of a laboratory, and truth.json, which no code reads.
 """
 
 from __future__ import annotations

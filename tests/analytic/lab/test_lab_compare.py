@@ -15,7 +15,7 @@ from postprocess.lab.data.pictures import outline_mask
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.data.seeding import seeding_like
 from postprocess.lab.judgement.compare import compare, quantity_table
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect
+from postprocess.lab.judgement.inputs_of_budget import Case, Effect, stacked
 from postprocess.lab.judgement.validation import AGREES, ERROR
 from postprocess.lab.virtual.common_grid import appearance_of, outlines_px, with_finger
 from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
@@ -37,55 +37,32 @@ def compared(tmp_path_factory):
     ours = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), spacing=2e-3)
     out = {}
     for gain in (1.0, 1.25):
-        water = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), gain=gain, spacing=2e-3)
-        path = make_recording(water, lab, kinematics.root, folder / f"{gain}", RATE)
+        flow = vortex_series(kinematics, np.linspace(0.09, 0.20, 12), gain=gain, spacing=2e-3)
+        path = make_recording(flow, lab, kinematics.root, folder / f"{gain}", RATE)
         with open_recording(str(path)) as recording:
-            times = (
-                START
-                + np.arange(len(recording)) // 2 / RATE
-                + np.arange(len(recording)) % 2 * 0.002
-            )
+            frames = np.arange(len(recording))
+            times = START + frames // 2 / RATE + frames % 2 * 0.002
             shapes = outlines_px(kinematics, pose, kinematics.law(times))
-            data = evaluate(
-                recording, np.arange(times.size), times, shapes, pose, PIV, folder / f"{gain}.h5"
-            )
+            seen_by = times, shapes, pose, PIV
+            data = evaluate(recording, frames, *seen_by, folder / f"{gain}.h5")
             images = [recording.frame(i) for i in (0, 4)]
             seen = appearance_of(images, [outline_mask(shapes[i], recording.shape) for i in (0, 4)])
         data = with_finger(data, kinematics, pose, kinematics.law(data["time"].values))
-        virtual = virtual_experiment(
-            ours,
-            pose,
-            lab.camera,
-            seeding_like(seen, 8, 1.5e-3),
-            times,
-            shapes,
-            PIV,
-            folder / f"v{gain}",
-            seed=77,
-        )
+        camera = pose, lab.camera, seeding_like(seen, 8, 1.5e-3)
+        piv = times, shapes, PIV, folder / f"v{gain}"
+        virtual = virtual_experiment(ours, *camera, *piv, seed=77)
         virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         instants = data["time"].values
         direct = camera_series(ours, pose, data["x"].values, data["y"].values, instants)
         law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
         covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
-        registration = Registration(
-            pose, covariance, NO_NUISANCE, law, np.empty(0), np.empty(0), np.empty(0), None
-        )
+        none = np.empty(0)
+        registration = Registration(pose, covariance, NO_NUISANCE, law, none, none, none, None)
         settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
         window = (float(instants[0]) - 1e-6, float(instants[-1]) + 1e-6)
-        case = Case(
-            kinematics,
-            registration,
-            data,
-            virtual,
-            direct,
-            window,
-            settings,
-            24 * pose.pixel,
-            False,
-            0.0,
-            True,
-        )
+        sides = data, virtual, direct
+        known = window, settings, 24 * pose.pixel, False, 0.0, True
+        case = Case(kinematics, registration, *sides, *known)
         case.effects.append(_grid_effect(direct))
         out[gain] = compare(case, INPUTS)
     # a run of finer numerics that has the stronger vortex of the last recording
@@ -93,11 +70,8 @@ def compared(tmp_path_factory):
         q["name"]: float(q["data"][0] - (q["direct"] - q["finer"])[0])
         for q in out[1.25][0]["quantities"][:4]
     }
-    strong = (
-        SMALL
-        | {"x": 0.0, "y": 0.0}
-        | {n: lacks[n] for n in ("circulation", "core_radius", "jet_speed")}
-    )
+    strong = SMALL | {"x": 0.0, "y": 0.0}
+    strong |= {n: lacks[n] for n in ("circulation", "core_radius", "jet_speed")}
     out["finer"] = compare(replace(case, effects=[_grid_effect(direct, 0.25, strong, 0.1)]), INPUTS)
     return out
 
@@ -107,9 +81,7 @@ SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4, "core_radius": 6e-5, "jet_sp
 
 def _grid_effect(direct, part=0.01, change=SMALL, per_std=1.0) -> Effect:
     """A run of finer numerics: its field is stronger by a part of everything."""
-    field = part * np.nan_to_num(
-        np.stack([direct["u"].values, direct["v"].values], axis=1).astype(float)
-    )
+    field = part * np.nan_to_num(stacked(direct).astype(float))
     change = pd.Series(change)
     return Effect("grid", "numerical", "stated", per_std, change, 0.0 * change, field, 0.0, 0.0)
 
@@ -118,7 +90,7 @@ def by_name(result):
     return {q["name"]: q for q in result[0]["quantities"]}
 
 
-def test_equal_waters_agree(compared):
+def test_equal_flows_agree(compared):
     result, series, field = compared[1.0]
     assert result["verdict"] == AGREES, result["wrong"]
     assert result["wrong"] == []
@@ -152,9 +124,8 @@ def test_what_a_finer_run_changes_is_no_model_error(compared):
 def test_difference_splits_into_measurement_and_model(compared):
     for q in by_name(compared[1.25]).values():
         if q["measurement_part"] is not None:
-            np.testing.assert_allclose(
-                q["direct"] - q["data"], q["measurement_part"] + q["error"], rtol=1e-9
-            )
+            parts = q["measurement_part"] + q["error"]
+            np.testing.assert_allclose(q["direct"] - q["data"], parts, rtol=1e-9)
 
 
 def test_table_for_a_paper(compared):

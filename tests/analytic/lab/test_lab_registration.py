@@ -46,16 +46,8 @@ def registered_lab(kinematics):
 def dense(corners, pieces=50):
     """A polygon with its sides cut in pieces."""
     sides = zip(corners, np.roll(corners, -1, 0), strict=True)
-    return counter_clockwise(
-        np.vstack([np.linspace(a, b, pieces, endpoint=False) for a, b in sides])
-    )
-
-
-def test_inside_sum_is_the_area(kinematics):
-    outline = dense(np.array([[10.0, 5.0], [10.0, 25.5], [40.25, 25.5], [40.25, 5.0]]))
-    assert inside_sum(integral_image(np.ones((40, 60))), outline) == pytest.approx(
-        30.25 * 20.5, rel=1e-6
-    )
+    lines = [np.linspace(a, b, pieces, endpoint=False) for a, b in sides]
+    return counter_clockwise(np.vstack(lines))
 
 
 @pytest.mark.parametrize("mean", [0.0, -0.15])
@@ -80,15 +72,9 @@ def test_pose_scale_and_time_are_found(registered_lab, kinematics):
     # perspectives that the silhouette does not show widen it; it must improve on the stated 1 %
     std = np.sqrt(registration.covariance[3, 3])
     assert abs(np.log(registration.pose.pixel / true.pixel)) < 3 * std
-    assert (
-        std < 0.005
-    )  # half of what is stated; 0.42, 0.40 and 0.42 % with three seeds of the sampler
+    assert std < 0.005  # half of the stated; 0.40 to 0.42 % with three seeds of the sampler
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
     assert registration.law.values[0] == pytest.approx(FACTOR, abs=0.02)
-
-
-def test_registration_says_how_sure_it_is(registered_lab, kinematics):
-    lab, registration = registered_lab
     assert (off(registration, lab, kinematics) < 4).all()
     assert (np.sqrt(np.diag(registration.covariance)) < [2.0, 2.0, 0.02, 0.01]).all()
 
@@ -182,19 +168,6 @@ def test_a_second_finger_is_the_mirror_image(kinematics):
     outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
     assert np.allclose(outlines[1], outlines[0] * [-1, 1])
     assert bends[0] == bends[1]
-    pose = Pose(1 / 2.5, 0.0, (0.0, 0.245), (250.0, 300.0))
-    apart = replace(
-        pair,
-        splines=kinematics.splines
-        | {
-            "outline": lambda p, d=0: (
-                kinematics.splines["outline"](p, d)
-                + (0.04 if d == 0 else 0.0) * np.array([1.0, 0.0])
-            )
-        },
-    )
-    mask = outline_mask(pose.to_px(apart.fingers("outline", 0.0)), (320, 500))
-    assert np.abs(mask[:, :250].sum() - mask[:, 251:].sum()) < 0.02 * mask.sum()
 
 
 def test_pose_there_and_back():

@@ -1,165 +1,171 @@
-"""The comparison from dpiv.toml to the page: vectors of every kind, and a recording."""
+"""The comparison from dpiv.toml to the page: vectors of every kind, and a recording.
 
-import shutil
+The commands are the user's; the flow of a run is an analytic vortex in place of the solver's.
+"""
 
 import h5py
 import numpy as np
 import pytest
 
 from fileio.errors import StageError
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import write_plane
-from fileio.formats.records import RUN
-from pipeline.scene.scene import load_scene
-from postprocess.evidence.stage_files import StageFiles
-from postprocess.lab.data.dpiv_toml import read_dpiv
-from postprocess.lab.data.files import LabFiles
+from fileio.formats.records import LAB_COMPARISON, RUN
+from pipeline.kinematics import stage as kinematics_stage
+from pipeline.runs.make import Machine
+from pipeline.runs.run import open_run
+from postprocess.lab import command
 from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.judgement.compare import run_comparison
-from postprocess.lab.registration.step import run_registration
-from postprocess.lab.report.report import make_report
-from postprocess.lab.virtual.virtual_laboratory import make_recording, write_dpiv
-from tests.lab_exports import KINDS, exported
-from tests.lab_scene import CASE, finger_kinematics, set_up, vortex_series
+from tests.lab_exports import exported
+from tests.lab_scene import CASE, vortex_series
 
-INPUTS = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
+INPUTS = """format = "inputs"
+format_version = 1
+too_uncertain = 0.3
+[[input]]
+name = "pressure"
+key = "motion.strokes.0.pressure_kpa"
+step = 1.0
+limit = 0.2
+reason = "sensor"
+[[numerics]]
+name = "grid"
+ratio = 1.5
+order = 2.0
+safety = 3.0
+"""
 TIMES = np.linspace(0.0, 0.42, 43)
 SPACING = 2e-3
 
 
 @pytest.fixture(scope="module")
-def finger(tmp_path_factory):
-    """A scene's files, its kinematics, and a simulation whose flow is an analytic vortex."""
+def run(tmp_path_factory):
+    """A run whose flow is an analytic vortex."""
     case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
-    out = case / "out" / "smoke"
-    for folder in (case / "reference", out / "run"):
-        folder.mkdir(parents=True)
-    vortices = "[vortices]\nstencil_radius = 0.004\n"
-    (case / "scene.toml").write_text(f'extends = "{CASE}"\n{vortices}')
+    (case / "reference").mkdir(parents=True)
+    text = f'extends = "{CASE}"\n[vortices]\nstencil_radius = 0.004\n'
+    (case / "scene.toml").write_text(text)
     (case / "reference" / "inputs.toml").write_text(INPUTS)
-    RUN.write(out / "run" / "run.json", {})
-    kinematics = finger_kinematics(out)
-    files = StageFiles(load_scene(case, "smoke"))
-    return files, kinematics, vortex_series(kinematics, TIMES, spacing=SPACING)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "make", kinematics_alone)
+        patch.setattr(command, "make_sheet", analytic_sheet)
+        patch.setattr(command, "COLUMNS", 400)
+        patch.setattr(command, "SCALE_M_PER_PX", 0.4e-3)
+        yield open_run(case, "smoke")
 
 
-def measured_by(kinematics, gain: float, corner: tuple[float, float]):
+def kinematics_alone(run, target, machine, quiet):
+    path = run.path("kinematics")
+    if not path.exists():
+        (run.out / "run").mkdir(parents=True)
+        kinematics_stage.run(run.scene, quiet=True)
+        RUN.write(run.out / "run" / "run.json", {})
+
+
+def analytic_sheet(run, view, path, quiet):
+    kinematics = read_kinematics(run.path("kinematics"))
+    x0, x1, y0, y1 = view
+    sheet = vortex_series(kinematics, TIMES, spacing=SPACING).sel(x=slice(x0, x1), y=slice(y0, y1))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_plane(sheet, path)
+
+
+def measured_by(run, gain: float = 1.0, corner: tuple[float, float] = (-0.06, -0.11)):
     """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm).
 
     In axes whose lower left vector is at `corner` (m).
     """
-    pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
+    kinematics_alone(run, "run", None, True)
+    kinematics = read_kinematics(run.path("kinematics"))
+    pose = Pose(1.0, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
-    water = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
-    plane = camera_series(water, pose, x, y, 0.05 + np.arange(30) / 100.0)
+    flow = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
+    plane = camera_series(flow, pose, x, y, 0.05 + np.arange(30) / 100.0)
     plane = plane.drop_vars(["outline", "tip", "tip_direction", "dorsal_direction", "bend"])
     shift = np.array(corner) - [x[0], y[0]]
-    plane = plane.assign_coords(
-        x=plane["x"] + shift[0], y=plane["y"] + shift[1], time=np.arange(30) / 100.0
-    )
-    return plane, tuple(float(v) for v in 1e3 * (np.array(pose.at_px) + shift))
+    at = {"x": plane["x"] + shift[0], "y": plane["y"] + shift[1], "time": np.arange(30) / 100.0}
+    return plane.assign_coords(at), tuple(float(v) for v in 1e3 * (np.array(pose.at_px) + shift))
 
 
-def judged(finger, folder, **options):
-    """comparison.json of a folder of data."""
-    files, _, sheet = finger
-    dpiv = read_dpiv(folder)
-    lab = LabFiles(files, dpiv.name)
-    run_registration(lab, dpiv)
-    left, right, bottom, top = (float(v) for v in lab.view.read_text().split())
-    inside = sheet.sel(x=slice(left, right), y=slice(bottom, top))
-    write_plane(inside, lab.sheet)
-    return lab, run_comparison(lab, dpiv, **options)
+def compared(run, folder, inputs=False):
+    """comparison.json of a folder of data by the name of its quantities, and the page's answer."""
+    options = {"inputs": inputs, "quick": False, "quiet": True}
+    page = command.compare_with(run, folder, Machine(), **options)
+    result = LAB_COMPARISON.read(page.parent / "comparison.json")
+    text = page.read_text()
+    first = text[text.index('id="answer"') : text.index("</header>")]
+    return result, {q["name"]: q for q in result["quantities"]}, first
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_vectors_of_every_kind_are_compared(finger, tmp_path, kind):
-    """From wherever their files count: in metres the root is in the middle of the axes."""
-    corner = (
-        (SPACING, SPACING)
-        if "p" in KINDS[kind][2] or "px" in kind or "pivlab" in kind
-        else (-0.06, -0.11)
-    )
-    plane, root = measured_by(finger[1], 1.0, corner)
-    lab, result = judged(finger, exported(plane, kind, tmp_path / kind.replace(" ", "_"), root))
-    quantities = {q["name"]: q for q in result["quantities"]}
+def relative_error(quantities, name="circulation"):
+    return abs(quantities[name]["error"][0] / quantities[name]["data"][0])
+
+
+@pytest.mark.parametrize(
+    "kind, corner",
+    [("microvec", (-0.06, -0.11)), ("pivlab mat", (SPACING, SPACING)),
+     ("plane in px", (SPACING, SPACING))],
+)  # fmt: skip
+def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path, kind, corner):
+    plane, root = measured_by(run, corner=corner)
+    result, quantities, _ = compared(run, exported(plane, kind, tmp_path / kind.split()[-1], root))
     assert result["verdict"] == "agrees", result["wrong"]
-    assert abs(quantities["circulation"]["error"][0]) < 0.02 * abs(
-        quantities["circulation"]["data"][0]
-    )
+    assert result["missing_runs"] == ["pressure", "grid"]
+    assert relative_error(quantities) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
-    assert lab.comparison.exists()
 
 
-def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(finger, tmp_path):
+def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(run, tmp_path):
     """As of a coupled motion, which overshoots: a bend angle belongs to several shapes."""
-    case = tmp_path / "cases" / "finger"
-    shutil.copytree(finger[0].scene_folder, case)
-    path = case / "out" / "smoke" / "kinematics.h5"
-    with h5py.File(path, "r+") as file:
+    other = open_run(run.scene.folder, "smoke", {}, tmp_path / "other")
+    folder = exported(measured_by(other)[0], "microvec", tmp_path / "back")
+    with h5py.File(other.path("kinematics"), "r+") as file:
         file["shape_bend"][-1] = 0.9 * file["shape_bend"][-2]
-    plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
-    dpiv = read_dpiv(exported(plane, "microvec", tmp_path / "back", root))
     with pytest.raises(StageError, match=r"kinematics\.h5: shape_bend neither rises nor falls"):
-        run_registration(LabFiles(StageFiles(load_scene(case, "smoke")), dpiv.name), dpiv)
+        compared(other, folder)
 
 
-def test_vectors_of_a_stronger_vortex_are_told(finger, tmp_path):
-    plane, root = measured_by(finger[1], 1.25, (-0.06, -0.11))
-    lab, result = judged(finger, exported(plane, "microvec", tmp_path / "stronger", root))
+def test_a_stronger_vortex_is_a_model_error(run, tmp_path):
+    plane, root = measured_by(run, gain=1.25)
+    folder = exported(plane, "microvec", tmp_path / "stronger", root)
+    result, _, first = compared(run, folder, inputs=True)
+    assert result["missing_runs"] == []
     assert result["verdict"] == "model error"
     assert "circulation" in result["wrong"]
-    page = make_report(lab).read_text()
-    first = page[page.index('id="answer"') : page.index("</header>")]
     assert "Motion: not tested. Flow: no." in first
     assert "Vectors do not show the finger" in first
     assert "Circulation of the tip vortex" in first
 
 
-def test_virtual_camera_is_put_before_the_vectors(finger, tmp_path):
+def test_virtual_camera_is_put_before_the_vectors(run, tmp_path):
     """Vectors whose files count from the middle of the picture."""
-    plane, root = measured_by(finger[1], 1.0, (-0.06, -0.11))
+    plane, root = measured_by(run)
     plane = plane.isel(time=slice(8, 16)).assign_coords(time=np.arange(8) / 100.0)
-    folder = exported(plane, "microvec", tmp_path / "seen", root)
-    text = (folder / "dpiv.toml").read_text()
+    path = exported(plane, "microvec", tmp_path / "seen", root) / "dpiv.toml"
     camera = (
         "{ columns = 640, rows = 520, density_ppp = 0.05, diameter_px = 2.5, background = 8.0,"
         " read_noise = 2.0, peak = 150.0, scale_mm_per_px = 0.25 }"
     )
-    text = text.replace('camera = "none"', f"camera = {camera}").replace(
-        "at_s = 0.05", "at_s = 0.13"
-    )
-    text = text.replace("window = 24", "window = 16")
-    (folder / "dpiv.toml").write_text(text)
-    files, _, sheet = finger
-    dpiv = read_dpiv(folder)
-    lab = LabFiles(files, dpiv.name)
-    run_registration(lab, dpiv)
-    write_plane(sheet, lab.sheet)
-
-    result = run_comparison(lab, dpiv)
-    quantities = {q["name"]: q for q in result["quantities"]}
+    text = path.read_text().replace('camera = "none"', f"camera = {camera}")
+    text = text.replace("at_s = 0.05", "at_s = 0.13").replace("window = 24", "window = 16")
+    path.write_text(text)
+    _, quantities, _ = compared(run, path.parent)
     assert quantities["velocity_field"]["verdict"] != "model error"
-    # 0.04 %; 10 % where only the virtual experiment smooths
-    assert abs(quantities["circulation"]["error"][0]) < 0.03 * abs(
-        quantities["circulation"]["data"][0]
-    )
+    assert relative_error(quantities) < 0.03  # 0.04 %; 10 % where only the simulation is smoothed
 
 
-def test_recording_is_compared(finger, tmp_path):
-    """A recording with errors of set-up."""
-    _, kinematics, sheet = finger
-    lab = set_up(kinematics, start=0.007)
-    make_recording(sheet, lab, kinematics.root, tmp_path, 50.0)
-    write_dpiv(lab, kinematics.root, tmp_path, "finger", 50.0)
-    lab, result = judged(finger, tmp_path)
-    assert result["verdict"] == "agrees", result["wrong"]
-    quantities = {q["name"]: q for q in result["quantities"]}
-    assert quantities["final_bend"]["verdict"] == "agrees"
+def test_a_virtual_laboratory_of_another_pressure_is_compared(run, monkeypatch):
+    """A recording with errors of set-up and 5 % more pressure, whose clock begins 7 ms late."""
+    folder = command.virtual_laboratory(run, 21.0, Machine(), quiet=True)
+    result, quantities, first = compared(run, folder)
     assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0
-    page = make_report(lab).read_text()
-    first = page[page.index('id="answer"') : page.index("</header>")]
-    assert "Motion: yes. Flow: yes." in first
-    assert "Not in u_val" not in first  # no runs are asked for here
-    figures = {p.name for p in (lab.folder / "figures").iterdir()}
+    assert result["registration"]["pressure_factor"] == pytest.approx(1.05, abs=0.01)
+    verdicts = [quantities[name]["verdict"] for name in ("final_bend", "duration", "circulation")]
+    assert verdicts == ["model error", "agrees", "agrees"]
+    assert "Motion: no." in first
+    figures = {path.name for path in (run.out / "lab" / folder.name / "figures").iterdir()}
     assert {"motion.pdf", "motion.svg", "picture.png", "series.svg"} <= figures
+    monkeypatch.setattr(command, "run_registration", None)  # nothing is registered again
+    monkeypatch.setattr(command, "run_comparison", lambda *known, **options: result)
+    assert compared(run, folder)[2] == first

@@ -3,23 +3,17 @@
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_planform
-from fileio.formats.node_motion import read_motion
 from fileio.formats.records import POWER_TERMS
-from fileio.formats.sweep import read_sweep
 from pipeline.openfoam.polymesh_files import read_faces
-from pipeline.run.dissipation import face_terms
-from pipeline.run.power_terms import geometry_at, integrals
-from tests.conftest import prepare, write_scene
+from pipeline.run.power import face_terms, geometry_at, integrals
+from tests.conftest import meshes_of, prepare, write_scene
 
 
 @pytest.fixture(scope="module", params=["2d", "half"])
 def mesh(request, tmp_path_factory):
     scene = prepare(write_scene(tmp_path_factory.mktemp("terms") / "s", request.param))
     faces = read_faces(scene.out / "case" / "interval_0" / "constant" / "polyMesh")
-    nodes = read_motion(scene.out).nodes(0.0)
-    sweep = read_sweep(scene.out, "interval_0")
-    return geometry_at(faces, read_planform(scene.out, 0), sweep, nodes, request.param == "2d")
+    return geometry_at(faces, meshes_of(scene)[0], 0.0)
 
 
 def test_faces_close_every_cell_and_bound_its_volume(mesh):

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pipeline.geometry.swept_cells import SweptCells, carry, overlap_of, swept_cells
-from pipeline.run.map_fields import energy_share, square_sum
+from fileio.formats.mesh_intervals import Interval, IntervalMesh
+from pipeline.run.map_fields import (
+    SweptCells,
+    carry,
+    energy_share,
+    overlap_of,
+    square_sum,
+    swept_cells,
+)
 
 LEVELS = np.array([-0.3, -0.2, 0.0])
 HOLE = 0.25, 0.75  # of the unit square: a body that moves, in the front layer only
@@ -23,6 +30,13 @@ def vortex(points: np.ndarray) -> np.ndarray:
     return np.stack(
         [np.sin(x) * np.cos(2 * y), -np.cos(x) * np.sin(2 * y), np.sin(x) * np.sin(y)], -1
     )
+
+
+class Moving:
+    """Nodes at one instant, and their velocities, as of a motion."""
+
+    def __init__(self, nodes, velocity):
+        self.nodes, self.velocity = (lambda time: nodes), (lambda time: velocity)
 
 
 def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
@@ -59,7 +73,8 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
         }
     )
     sweep = xr.Dataset({"cell_column": ("cell", column), "cell_layer": ("cell", layer)})
-    return swept_cells(planform, sweep, nodes, velocity(nodes)[:, :2])
+    motion = Moving(nodes, velocity(nodes)[:, :2])
+    return swept_cells(IntervalMesh(Interval(0, 0, 0, 1, 0), planform, sweep, motion), 0.0)
 
 
 def centres(cells: SweptCells) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Two plane series against each other: known differences are recovered, equal ones give zero, signs are caught."""
+"""Differences of two plane series: known ones are recovered, equal series give zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flows of known circulation and impulse between two fingers: what accounts for them adds up to them."""
+"""Balances of circulation and impulse between two fingers close for exact flows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def plane(u, v, p, time):
 
 
 def test_head_between_the_sides_of_a_finger_makes_the_circulation_of_a_potential_flow():
-    """φ = k(t) (r² of a hyperbola)/2 with Bernoulli's pressure: the water beside a wall that it slips along."""
+    """φ = k(t) ((y − h)² − x²)/2 with Bernoulli's pressure, slipping along a wall."""
     time = np.linspace(0, 0.2, 81)
 
     def rate(t):
@@ -65,7 +65,7 @@ def test_head_between_the_sides_of_a_finger_makes_the_circulation_of_a_potential
 
 
 def test_a_steady_shear_carries_as_much_in_as_out():
-    """u = S (y - 0.1): vorticity leaves on one edge as it enters on the other, and nothing changes."""
+    """u = S (y - 0.1): equal fluxes of vorticity in and out, and no change."""
     time = np.linspace(0, 0.1, 11)
     series = plane(
         lambda x, y, t: 5.0 * (y - 0.1), lambda x, y, t: 0 * x, lambda x, y, t: 0 * x, time

@@ -20,7 +20,7 @@ SIZES = np.array([1.0, 1.4, 2.2, 3.0])
 def test_three_grids_recover_order_and_limit(order, limit, slope, ratios):
     size = np.cumprod([0.5, *ratios])
     fit = three_grids(size, limit + slope * size**order)
-    # exact data: what is left is the fixed point's own rounding, amplified by differences of nearly equal values
+    # exact data: the error is rounding, amplified by differences of nearly equal values
     assert fit.order == pytest.approx(order, rel=1e-5)
     assert fit.extrapolated == pytest.approx(limit, abs=1e-4)
 
@@ -64,7 +64,7 @@ def test_values_that_oscillate_have_no_order_but_an_uncertainty():
 
 
 def test_grids_are_counted():
-    with pytest.raises(ValueError, match="three grids"):
+    with pytest.raises(ValueError, match="three of each"):
         three_grids(SIZES, SIZES)
-    with pytest.raises(ValueError, match="three grids at least"):
+    with pytest.raises(ValueError, match="at least three"):
         least_squares(SIZES[:2], SIZES[:2])

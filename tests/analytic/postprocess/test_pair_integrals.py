@@ -1,4 +1,4 @@
-"""Exact vortex pairs beside two tips: circulation, place, core, impulse and jet by integrals, also of cores that overlap."""
+"""Integrals of exact vortex pairs beside two tips, also where their cores overlap."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TIPS = np.array([[[-0.010, 0.18], [0.010, 0.18]]])
 
 
 def plane(*vortices, spacing=0.0005, tips=TIPS):
-    """Velocity of Lamb-Oseen vortices (x, y, Γ, r_c) and their mirror images in x = 0, with two level fingers beside it."""
+    """Lamb-Oseen vortices (x, y, Γ, r_c), mirrored in x = 0, between two level fingers."""
     x, y = np.arange(-0.08, 0.08 + 1e-9, spacing), np.arange(0.11, 0.25, spacing)
     gx, gy = np.meshgrid(x, y)
     u, v = np.zeros_like(gx), np.zeros_like(gx)
@@ -32,7 +32,8 @@ def plane(*vortices, spacing=0.0005, tips=TIPS):
     return make_plane(
         x, y, *(np.where(inside, np.nan, field)[None] for field in (u, v)),
         time=np.array([0.5]), outline=np.stack([box, box * [-1, 1]])[None], tip=tips,
-        tip_direction=np.array([[[1.0, 0.0], [-1.0, 0.0]]]), dorsal_direction=np.array([[[0.0, -1.0], [0.0, -1.0]]]),
+        tip_direction=np.array([[[1.0, 0.0], [-1.0, 0.0]]]),
+        dorsal_direction=np.array([[[0.0, -1.0], [0.0, -1.0]]]),
         bend=np.zeros((1, 2)),
     ).assign_attrs(tip_width=WIDTH)  # fmt: skip
 
@@ -48,7 +49,7 @@ def test_both_pairs_are_told_apart_and_measured():
     ):
         for finger, sign in ((0, 1), (1, -1)):
             row = integrals.vortex_of(table, side, flow, finger).iloc[0]
-            # FLOOR is 1.6 % of the weaker core's peak vorticity, and the rim below it holds so much of Γ
+            # FLOOR is 1.6 % of the weaker core's peak vorticity; the rim has that share of Γ
             assert row["circulation"] == pytest.approx(sign * circulation, rel=0.02)
             assert (row["x"], row["y"]) == pytest.approx(
                 (sign * x, y), abs=1e-4
@@ -60,7 +61,7 @@ def test_both_pairs_are_told_apart_and_measured():
 
 
 def test_cores_that_overlap_across_the_plane_keep_what_is_left_of_them():
-    """At x = -r_c/2 the image takes part of either: the half plane's circulation is Γ erf(x / r_c), not a fit's guess."""
+    """At x = -r_c/2 the cores overlap: the half plane's circulation is Γ erf(x / r_c)."""
     core, x = 0.004, -0.002
     table = integrals.pair_integrals(plane((x, 0.150, -100e-4, core)), SCALE)
     row = integrals.vortex_of(table, *integrals.DORSAL, 0).iloc[0]
@@ -106,7 +107,7 @@ def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
 
 
 def test_circulation_and_impulse_of_an_exact_pair():
-    """Two vortices at ±b: each half has Γ, and −bΓ of vertical impulse; the finger is out of the way."""
+    """Two vortices at ±b, far from the fingers: each half has Γ and the impulse −bΓ."""
     x, y, circulation, core = -0.020, 0.150, -100e-4, 0.003
     away = plane((x, y, circulation, core), spacing=0.001)
     row = halves.half_planes(away).iloc[0]

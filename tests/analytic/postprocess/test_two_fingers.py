@@ -1,4 +1,4 @@
-"""Two fingers with known flow and vortices: pairing, the parting line, the region between, windows by gap and contact."""
+"""Two fingers with known flow: vortex pairs, parting line, region between, time windows."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_shift_is_taken_at_equal_bend_not_at_equal_time():
 
 
 def stagnation_plane(spacing=0.002, height=0.171, rate=2.0, offset=0.0):
-    """u = −k x, v = k (y − height) between two upright fingers, p falling with y; `offset` shifts the columns off x = 0."""
+    """u = −k x, v = k (y − height) between two upright fingers; `offset` shifts the columns."""
     x = np.arange(-0.06, 0.0601, spacing) + offset
     y = np.arange(0.10, 0.2401, spacing)
     gx, gy = np.meshgrid(x, y)
@@ -122,16 +122,12 @@ def test_the_flow_parts_where_it_does(offset):
 def test_share_and_angle_of_a_stagnation_flow_are_exact():
     plane = stagnation_plane(spacing=0.001)
     lines = centreline.centreline(plane, 0.1)
-    speed, share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=True)
+    share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=True)
     # between the fingers: |x| < 0.020, 0.180 <= y <= 0.240
     assert share == 1.0
-    assert speed == pytest.approx(2.0 * (0.21 - 0.171), rel=0.01)
     assert np.tan(angle) == pytest.approx(0.010 / (0.21 - 0.171), rel=0.03)
-    speed, share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=False)
+    share, angle = centreline.oblique_flow(plane, lines, (0.4, 0.6), above=False)
     assert share == 1.0
-    assert speed == pytest.approx(
-        2.0 * WIDTH, rel=0.05
-    )  # nodes 1 mm apart, the line on one of them
     assert np.tan(angle) == pytest.approx(0.5, rel=0.05)
 
 

@@ -1,4 +1,4 @@
-"""Circulation and centre of a vortex by integrals over a circle: exact for a Lamb-Oseen vortex, whatever its core."""
+"""Circle integrals give the circulation and centre of a Lamb-Oseen vortex of any core."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def track(x: float = X0) -> pd.DataFrame:
 def test_circulation_is_what_lies_within_the_circle(core_radius):
     integrals = vortex_integrals(plane_of(core_radius, 0.02), track(), RADIUS, (0.0, 0.3))
     inside = GAMMA * (1 - np.exp(-((RADIUS / core_radius) ** 2)))
-    # five points of 0.5 mm smooth a core of 2.5 mm; points on the circle's edge count whole or not at all
+    # five points of 0.5 mm smooth a core of 2.5 mm; the circle's edge is stepped
     np.testing.assert_allclose(integrals["circulation"], inside, rtol=5e-3)
     np.testing.assert_allclose(integrals[["x", "y"]], [[X0, Y0]] * 2, atol=1e-5)
 

@@ -1,72 +1,56 @@
-"""Every input of every stage of a finished run, damaged in twelve ways: each must be refused.
-
-python -m tests.studies.faults.damaged cases/single_finger --level smoke --table TABLE
-"""
+"""The inputs of every stage of a finished run, each damaged in twelve ways: all must be refused."""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import io
 import os
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-from fileio.stages import STAGES, Stage, until
-
-from pipeline.__main__ import main as run_stage
+from fileio.errors import sentence
+from fileio.record import record_path
+from pipeline.runs.make import Machine, make_stage
+from pipeline.runs.run import Run
+from pipeline.runs.stages import Stage
 from tests.damage import WAYS, damage
-from tests.studies.pages import write_table
-
-COLUMNS = ("stage", "input", "ways", "refused", "sentence")
+from tests.studies.faults.kill import Row
 
 
-def _inputs_of(stage: Stage, out: Path) -> list[Path]:
-    """Files of the stages before one, its settings, and the case's mesh."""
-    files = [out / name for before in until(stage.name)[:-1] for name in before.outputs]
-    if stage.piv:
-        files.append(out / "settings" / f"{stage.target}.json")
+def _inputs_of(run: Run, stage: Stage) -> list[Path]:
+    """The files that a stage reads of the stages before it."""
+    files = [run.path(name) for name in run.inputs(stage)]
     if stage.name == "run":
-        mesh = (out / "case").glob("interval_*/constant/polyMesh/*")
-        files += sorted(path for path in mesh if path.name[0] != ".")
-    return [path for path in dict.fromkeys(files) if path.is_file()]
+        files += sorted((run.out / "case").glob("interval_*/constant/polyMesh/*"))
+    return files
 
 
-def _answer(stage: Stage, scene: Path, level: str, path: Path, way: str) -> tuple[bool, str]:
-    """Whether a stage refuses a damaged input in one sentence with its name, and the output."""
-    content, state = path.read_bytes(), path.stat()
-    output = io.StringIO()
+def _answer(run: Run, stage: Stage, path: Path, way: str) -> tuple[bool, str]:
+    """Whether a stage refuses a damaged input in one sentence with its name, and the sentence."""
+    kept = {
+        file: (file.read_bytes(), file.stat()) for file in (path, record_path(run.out, stage.name))
+    }
+    record_path(run.out, stage.name).unlink()
     try:
         damage(path, way)
-        with contextlib.redirect_stderr(output), contextlib.redirect_stdout(io.StringIO()):
-            code = run_stage([stage.name, str(scene), "--level", level, "--quiet"])
+        make_stage(run, stage.name, Machine(), quiet=True)
+    except Exception as error:
+        text = sentence(error)
+        return text is not None and "\n" not in text and str(path) in text, text or repr(error)
     finally:
-        path.write_bytes(content)
-        os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
-    text = output.getvalue().strip()
-    return code == 2 and "\n" not in text and str(path) in text, text
+        for file, (content, state) in kept.items():
+            file.write_bytes(content)
+            os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
+    return False, "it was used"
 
 
-def main() -> int:
-    """Command line; 1 where a damaged input was used or refused in another way."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scene", type=Path, help="folder of a scene that was run to its report")
-    parser.add_argument("--level", default="smoke")
-    parser.add_argument("--table", type=Path, required=True, help="CSV to write")
-    args = parser.parse_args()
-    out, rows = args.scene / "out" / args.level, []
-    for stage in STAGES:
-        for path in _inputs_of(stage, out):
-            answers = {way: _answer(stage, args.scene, args.level, path, way) for way in WAYS}
+def damaged_inputs(run: Run) -> Iterator[Row]:
+    """Stage, input, ways, how many of them are refused, and the first fault or else a sentence."""
+    for stage in run.stages:
+        for path in _inputs_of(run, stage):
+            answers = {way: _answer(run, stage, path, way) for way in WAYS}
             wrong = [f"{way}: {text}" for way, (good, text) in answers.items() if not good]
-            sentence = wrong[0] if wrong else next(iter(answers.values()))[1]
-            refused, sentence = len(WAYS) - len(wrong), sentence.replace(f"{out}/", "")
-            cells = (stage.name, path.relative_to(out), len(WAYS), refused, sentence)
-            rows.append(dict(zip(COLUMNS, cells, strict=True)))
-            print(*cells, sep="  ", flush=True)
-    write_table(args.table, COLUMNS, rows)
-    return int(any(row["refused"] != row["ways"] for row in rows))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            sentences = [*wrong, *(text for _, text in answers.values())]
+            yield {
+                "stage": stage.name, "input": str(path.relative_to(run.out)), "ways": len(WAYS),
+                "refused": len(WAYS) - len(wrong),
+                "sentence": sentences[0].replace(f"{run.out}/", ""),
+            }  # fmt: skip

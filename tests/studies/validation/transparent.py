@@ -12,11 +12,8 @@ import numpy as np
 from tqdm import tqdm
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
+from fileio.formats.mesh_intervals import read_intervals
 from pipeline import case
-from pipeline.geometry.quality import cell_areas, cell_centres
 from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
@@ -24,9 +21,11 @@ from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.foamfile import END, binary_list, header, read_field, write_bytes
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.guards import Guard
+from pipeline.run.map_fields import swept_cells
 from pipeline.run.prepare import prepare
 from pipeline.run.solver import solve
 from pipeline.scene.scene import Scene
+from tests.conftest import meshes_of
 
 # positions (n, 2) m, time s -> velocities (n, 2) m/s
 Field = Callable[[np.ndarray, float], np.ndarray]
@@ -76,7 +75,7 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str) -> None:
     )
     (folder / "system" / "functions").write_text("// no body, no forces\n")
     steps = Steps.of(intervals[0].begin, intervals[0].end, scene.numerics.time_step)
-    prepare(scene.out, intervals, intervals[0], Ranks(), steps, True)
+    prepare([folder], meshes_of(scene), 0, Ranks(), steps, True)
     guard = Guard(scene.numerics.max_courant)
     with tqdm(disable=True) as bar:
         solve(folder, intervals[0], Ranks(), None, bar, guard)
@@ -92,9 +91,9 @@ def _edit(path: Path, *changes: tuple[str, str]) -> None:
 
 def _outer_faces(scene: Scene) -> dict[str, np.ndarray]:
     """Middles (face, 2), m, of the outer patches' faces, which do not move."""
-    planform = read_planform(scene.out, 0)
-    swept = case.build_mesh(planform)
-    points = swept.points(read_motion(scene.out).nodes(0.0), planform["levels"].values)
+    mesh = meshes_of(scene)[0]
+    swept = case.build_mesh(mesh.planform)
+    points = swept.points(mesh.motion.nodes(0.0), mesh.planform["levels"].values)
     middles = {}
     for name, start, count in swept.patches:
         if name in OUTER_PATCHES:
@@ -105,12 +104,9 @@ def _outer_faces(scene: Scene) -> dict[str, np.ndarray]:
 
 def _cells(scene: Scene, time: float, folder: Path | None) -> Cells:
     """Cells at `time`; the velocity is that in `folder`, or zero without one."""
-    planform = read_planform(scene.out, 0)
-    triangles, quads = planform["triangles"].values, planform["quads"].values
-    column = read_sweep(scene.out, "interval_0")["cell_column"].values
-    nodes = read_motion(scene.out).nodes(time)
-    centres = cell_centres(nodes, triangles, quads)[column]
-    areas = cell_areas(nodes, triangles, quads)[column]
+    mesh = swept_cells(meshes_of(scene)[0], time)
+    column = mesh.column
+    centres, areas = mesh.centre[column], mesh.area[column]
     if folder is None:
         return Cells(centres, areas, np.zeros_like(centres))
     return Cells(centres, areas, read_field(folder / "U", len(column))[:, :2])

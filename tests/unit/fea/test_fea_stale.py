@@ -29,7 +29,7 @@ def test_what_the_states_follow_from_is_refused_with_key_and_remedy_and_nothing_
     scene = write_scene(tmp_path / "scene", more=more)
     with pytest.raises(StageError) as caught:
         Run(scene).check("kinematics")
-    for word in (*words, "scene.toml", "states.h5", "pipeline fea", "take the change back"):
+    for word in (*words, "scene.toml", "states.h5", "softfinger fea", "take the change back"):
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not scene.out.exists()
@@ -68,7 +68,7 @@ def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
     ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "scene.toml").write_text(f'extends = "../parent"\n{more}')
-        with pytest.raises(StageError, match=f"pipeline.fea {tmp_path / folder}[ ,]"):
+        with pytest.raises(StageError, match=f"softfinger fea {tmp_path / folder}[ ,]"):
             check_states(load_scene(tmp_path / name, "tiny"))
 
 

@@ -170,7 +170,10 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
 
 
 def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
-    code = "from fileio.command import guarded; raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    code = (
+        "from fileio.command import guarded\n"
+        "raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    )
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True
@@ -185,9 +188,13 @@ def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
 def test_an_interrupt_during_the_imports_is_one_sentence(module, library):
     """Also within those of libraries, which make errors of their own of it."""
     process = subprocess.Popen(
-        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"], cwd=ROOT, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )  # fmt: skip
+        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"],
+        cwd=ROOT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
     while process.poll() is None and library not in Path(f"/proc/{process.pid}/maps").read_text():
         pass
     process.send_signal(signal.SIGINT)

@@ -28,6 +28,3 @@ def test_what_a_page_names_is_there(page):
     links = re.findall(r"\]\((?!https?:)([^)#]+)", text(page))
     paths = re.findall(r"`((?:fileio|pipeline|docs|cases)/[^`<> *]*)`", text(page))
     assert [name for name in (*links, *paths) if not (ROOT / name).exists()] == []
-    rules = text("Makefile") + text("postprocess/lab/compare.mk")
-    targets = {line.partition(":")[0] for line in rules.splitlines()}
-    assert set(re.findall(r"`make ([a-z-]+)", text(page))) <= targets

@@ -19,16 +19,8 @@ from postprocess.lab.judgement.validation import (
 def quantity(error: float, *stds: float, scale: float = 10.0) -> ValidatedQuantity:
     kinds = ("numerical", "input", "data")
     sources = [Source(f"s{k}", kinds[k % 3], np.array([s]), "") for k, s in enumerate(stds)]
-    return ValidatedQuantity(
-        "q",
-        "q",
-        "m",
-        np.array([10 + error]),
-        np.array([10 + error + 0.5]),
-        np.array([10.0]),
-        scale,
-        sources,
-    )
+    values = np.array([10 + error]), np.array([10 + error + 0.5]), np.array([10.0])
+    return ValidatedQuantity("q", "q", "m", *values, scale, sources)
 
 
 def test_sources_add_in_squares_and_the_largest_is_named():
@@ -41,7 +33,13 @@ def test_sources_add_in_squares_and_the_largest_is_named():
 
 @pytest.mark.parametrize(
     "error, std, word",
-    [(1.5, 0.8, AGREES), (1.6, 0.8, ERROR), (1.0, 0.9, UNCERTAIN), (9.0, 2.0, ERROR)],
+    [
+        (1.5, 0.8, AGREES),
+        (1.6, 0.8, ERROR),
+        (1.0, 0.9, UNCERTAIN),
+        (9.0, 2.0, ERROR),
+        (0.0, np.nan, UNCERTAIN),
+    ],
 )
 def test_verdict_is_that_of_the_band(error, std, word):
     assert quantity(error, std).verdict(too_uncertain=0.3) == word
@@ -73,7 +71,7 @@ def test_a_share_of_the_error_raises_no_false_alarm_and_grows_with_the_error_to_
 
 
 def test_a_share_beyond_the_limit_lets_no_error_be_found_for_sure():
-    """1 ± 0.61 of an error is measured: in 5 % nothing is left, at 1.645 standard uncertainties."""
+    """1 ± 0.61 of an error is measured: nothing is left in 5 %, at 1.645 standard uncertainties."""
     assert unlike(0.0, 0.61).detectable(joint_level(7)) == np.inf
     assert unlike(0.0, 0.61).verdict(0.3, joint_level(7)) == UNCERTAIN
     assert unlike(1e3, 0.61).verdict(0.3, joint_level(7)) == ERROR
@@ -88,10 +86,6 @@ def unlike(error: float, share: float) -> ValidatedQuantity:
     return ValidatedQuantity("q", "q", "m", ours, ours, np.array([100.0]), 100.0, sources)
 
 
-def test_what_is_no_number_is_no_agreement():
-    assert quantity(0.0, np.nan).verdict(0.3) == UNCERTAIN
-
-
 def test_what_the_data_know_better_than_the_inputs_differs():
     inside = quantity(1.0, 0.1, 2.0, 0.2)  # numerical, input, data
     assert inside.verdict(too_uncertain=10.0) == AGREES
@@ -99,53 +93,32 @@ def test_what_the_data_know_better_than_the_inputs_differs():
     assert not quantity(0.3, 0.1, 2.0, 0.2).differs()
 
 
-def test_field_finds_a_model_error_of_its_detectable_size():
-    rng = np.random.default_rng(5)
-    shape = (3, 2, 24, 30)
-    pattern = np.sin(0.7 * np.arange(np.prod(shape))).reshape(shape)
-    noise = np.full(shape, 0.5)
-    modes = {"a": ("input", 0.3 * np.ones(shape))}
-    field = FieldComparison(np.zeros(shape), modes, noise)
-    size = field.detectable() / np.sqrt(np.mean(np.sum(pattern**2, axis=1)))
-    found = 0
-    for _ in range(300):
-        e = (
-            size * pattern
-            + rng.standard_normal() * modes["a"][1]
-            + noise * rng.standard_normal(shape)
-        )
-        found += FieldComparison(e, modes, noise).rms() > field.allowed_rms()
-    assert (
-        found / 300 > 0.90
-    )  # 0.95 less three standard errors of 300 draws, and a little noise of the vectors
-
-
 def test_two_components_are_judged_together():
     source = Source("s", "data", np.array([1.0, 1.0]), "")
-    near = ValidatedQuantity(
-        "c", "c", "m", np.array([2.2, 1.0]), np.zeros(2), np.zeros(2), 100.0, [source]
-    )
+    values = np.array([2.2, 1.0]), np.zeros(2), np.zeros(2)
+    near = ValidatedQuantity("c", "c", "m", *values, 100.0, [source])
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
     assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96
     assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))
 
 
-def test_field_limit_is_exceeded_as_often_as_it_says():
-    rng = np.random.default_rng(3)
-    shape = (3, 2, 24, 30)
-    modes = {
-        "a": ("input", 0.7 * np.sin(np.arange(np.prod(shape))).reshape(shape)),
-        "b": ("data", np.full(shape, 0.3)),
-    }
+@pytest.mark.parametrize("error, share", [(0.0, 0.05), (1.0, 0.95)])
+def test_field_limit_is_exceeded_as_often_as_it_says(error, share):
+    """Without a model error, and with one (sinusoidal) of the detectable size."""
+    rng, shape = np.random.default_rng(3), (3, 2, 24, 30)
+    pattern = np.sin(0.7 * np.arange(np.prod(shape))).reshape(shape)
+    wave = 0.7 * np.sin(np.arange(np.prod(shape))).reshape(shape)
+    modes = {"a": ("input", wave), "b": ("data", np.full(shape, 0.3))}
     noise = np.full(shape, 0.5)
-    limit = FieldComparison(np.zeros(shape), modes, noise).allowed_rms()
+    field = FieldComparison(np.zeros(shape), modes, noise)
+    limit = field.allowed_rms()
+    size = error * field.detectable() / np.sqrt(np.mean(np.sum(pattern**2, axis=1)))
     beyond = 0
     for _ in range(600):
-        e = sum(rng.standard_normal() * m for _, m in modes.values()) + noise * rng.standard_normal(
-            shape
-        )
+        e = size * pattern + sum(rng.standard_normal() * m for _, m in modes.values())
+        e += noise * rng.standard_normal(shape)
         beyond += FieldComparison(e, modes, noise).rms() > limit
-    assert beyond / 600 == pytest.approx(0.05, abs=0.027)  # three standard errors of 600 draws
+    assert beyond / 600 == pytest.approx(share, abs=0.027)  # three standard errors of 600 draws
 
 
 def test_absent_vectors_count_nowhere():

@@ -28,9 +28,8 @@ def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
         change = np.zeros(5)
         change[k] = step
         there, back = (moved(pose, s * change).to_tank(seen) for s in (1, -1))
-        np.testing.assert_allclose(
-            jacobian[:, k], (there - back) / (2 * step), rtol=1e-6, atol=1e-10
-        )
+        slope = (there - back) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-10)
 
 
 def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
@@ -73,16 +72,8 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
     law = Law(np.ones(3), np.eye(3), 0.0)
     fitted = Pose(1 / (4.0 * 1.003), 0.0, stated.anchor, stated.at_px)
     covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
-    registration = Registration(
-        fitted,
-        covariance,
-        NO_NUISANCE,
-        law,
-        np.empty(0),
-        np.empty(0),
-        np.empty(0),
-        None if scale_std is None else stated,
-    )
+    known = fitted, covariance, NO_NUISANCE, law, *np.empty((3, 0))
+    registration = Registration(*known, None if scale_std is None else stated)
     registration = with_length(registration, scale_std, length_std)
     assert 1 / registration.pose.scale_mm_per_px / 4.0 == pytest.approx(scale, abs=1e-5)
     assert np.sqrt(registration.covariance[3, 3]) == pytest.approx(std, rel=0.02)
@@ -92,9 +83,7 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
 def test_scatter_that_the_vectors_do_not_know_is_found():
     rng = np.random.default_rng(1)
     times = np.linspace(0.1, 0.2, 400)
-    trend = np.column_stack(
-        [3 + 40 * times, -5 * times]
-    )  # a model error may grow: that is no scatter
+    trend = np.column_stack([3 + 40 * times, -5 * times])  # a growing error is no scatter
     error = trend + rng.normal(0, [5.0, 0.3], (400, 2))
     scatter = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
     assert scatter == pytest.approx([4.0, 0.0], rel=0.1)
@@ -115,20 +104,18 @@ def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
 def test_a_mean_of_differences_is_as_uncertain_as_they_scatter():
     """The middle of the line scatters over many draws by what each of them states."""
     rng, times, window = np.random.default_rng(8), np.linspace(0.1, 0.2, 6), (0.1, 0.2)
-    said, middle = [], []
+    stated, middle = [], []
     for _ in range(1500):
-        table = pd.DataFrame(
-            {"time": times, "circulation": 3.0 + 20 * times + rng.normal(0, 2.0, 6)}
-        )
-        said.append(mean_std(table, table["time"], window)["circulation"])
+        circulation = 3.0 + 20 * times + rng.normal(0, 2.0, 6)
+        table = pd.DataFrame({"time": times, "circulation": circulation})
+        stated.append(mean_std(table, table["time"], window)["circulation"])
         middle.append(means(table, np.ones(6, bool), window)["circulation"])
-    rms = np.sqrt(np.mean(np.square(said)))
+    rms = np.sqrt(np.mean(np.square(stated)))
     # three standard errors of 1500 draws each way, 1.8 and 1.8 %
     assert rms == pytest.approx(np.std(middle), rel=0.08)
     straight = pd.DataFrame({"time": times, "circulation": 3.0 + 20 * times})
-    assert mean_std(straight, straight["time"], window)["circulation"] == pytest.approx(
-        0.0, abs=1e-12
-    )
+    std = mean_std(straight, straight["time"], window)["circulation"]
+    assert std == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_vortex_that_is_not_seen_in_the_middle_of_the_window_is_refused():
@@ -136,7 +123,5 @@ def test_a_vortex_that_is_not_seen_in_the_middle_of_the_window_is_refused():
     table = pd.DataFrame({"time": np.linspace(0.1, 0.2, 11), "circulation": -0.01})
     assert common_rows({"data": table}, (0.1, 0.2)).all()
     late = table.assign(circulation=table["circulation"].where(table["time"] > 0.155))
-    with pytest.raises(
-        ValueError, match=r"only from 0\.160 to 0\.200 s, which leaves out the middle"
-    ):
+    with pytest.raises(ValueError, match=r"only from 0\.160 to 0\.200 s, which leaves out the mid"):
         common_rows({"data": table, "virtual": late}, (0.1, 0.2))

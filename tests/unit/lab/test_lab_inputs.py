@@ -96,6 +96,8 @@ def test_numerical_band_is_that_of_the_finer_run(order, ratio):
 
 
 SOUND = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
+INPUT = "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'"
+NUMERICS = "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3"
 
 
 @pytest.mark.parametrize(
@@ -105,14 +107,8 @@ SOUND = 'format = "inputs"\nformat_version = 1\ntoo_uncertain = 0.3\n'
         ("nonsense =", "no value is given for nonsense;"),
         (SOUND.replace('"inputs"', '"x"'), 'format = "inputs"'),
         (SOUND.replace("too_uncertain = 0.3", ""), "too_uncertain"),
-        (
-            SOUND + "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'",
-            "another step",
-        ),
-        (
-            SOUND + "[[numerics]]\nname = 'wall'\nratio = 2\norder = 2\nsafety = 3",
-            "'grid' or 'time_step'",
-        ),
+        (SOUND + INPUT, "another step"),
+        (SOUND + NUMERICS, "'grid' or 'time_step'"),
     ],
 )
 def test_bad_files_are_one_sentence(tmp_path, text, message):
@@ -123,9 +119,8 @@ def test_bad_files_are_one_sentence(tmp_path, text, message):
 
 
 def test_recording_and_strokes_exclude_each_other(tmp_path):
-    (tmp_path / "scene.toml").write_text(
-        f'extends = "{CASE}"\n[motion]\nsource = "recording"\nrecording = "m.h5"\n'
-    )
+    motion = '[motion]\nsource = "recording"\nrecording = "m.h5"\n'
+    (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n{motion}')
     with pytest.raises(StageError, match=r"no strokes \(strokes = \[\]\)"):
         load_scene(tmp_path, "smoke")
 

@@ -47,9 +47,8 @@ def case(tmp_path_factory):
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
     pressure, duration = recorded_motion_parts(case)
-    assert pressure.share == pytest.approx(
-        2.5, rel=0.02
-    )  # the bend is not quite linear in the pressure
+    # the bend is not quite linear in the pressure
+    assert pressure.share == pytest.approx(2.5, rel=0.02)
     assert duration.share == pytest.approx(-1.0)
     assert duration.std == pytest.approx(0.04)
     assert duration.unlike == pytest.approx(0.2)  # 10 % faster, by a line through 10 % slower
@@ -57,12 +56,8 @@ def test_the_motion_is_counted_in_changes_of_the_runs(case):
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
     moved = replace(case, motion=recorded_motion_parts(case))
-    assert [s.name for s in run_sources(case, COLUMNS)] == [
-        "pressure",
-        "duration",
-        "grid",
-        "geometry and material",
-    ]
+    names = [source.name for source in run_sources(case, COLUMNS)]
+    assert names == ["pressure", "duration", "grid", "geometry and material"]
     assert [s.name for s in run_sources(moved, COLUMNS)] == ["grid"]
     assert explained_by_motion(case, COLUMNS) is None
     # S − D: the recording's flow is stronger by 2.5 runs of pressure and one of duration less
@@ -71,9 +66,8 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert std["duration as recorded"] == pytest.approx(0.04 * 10e-5)
     # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
     line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
-    assert std["duration, linear"] / 10e-5 == pytest.approx(
-        (1 / 0.9 - line) / (1 - 1 / 1.1), rel=0.15
-    )
+    expected = 10e-5 * (1 / 0.9 - line) / (1 - 1 / 1.1)
+    assert std["duration, linear"] == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.parametrize(

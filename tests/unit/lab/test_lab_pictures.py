@@ -21,7 +21,7 @@ finger_geometry = "nominal"
 finger_length_std_mm = 0.1
 scale = {{ scale_mm_per_px = 0.1, std_percent = 1.0 }}
 axes = {{ y = "down", x = "right", root_px = [20.0, 4.0] }}
-piv = {{ window = 16, spacing = 8, {pairing} }}
+piv = {{ window = 16, spacing = 8, pairing = {pairing} }}
 """
 
 
@@ -37,9 +37,8 @@ def images(folder, data) -> str:
 
 
 def video(folder, data) -> str:
-    out = cv2.VideoWriter(
-        str(folder / "a.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 25, (COLUMNS, ROWS)
-    )
+    codec = cv2.VideoWriter_fourcc(*"FFV1")
+    out = cv2.VideoWriter(str(folder / "a.avi"), codec, 25, (COLUMNS, ROWS))
     for image in data:
         out.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
     out.release()
@@ -61,9 +60,7 @@ def recording(folder, data) -> str:
     return "a.h5"
 
 
-def opened(
-    folder, files: str, rate: float = RATE, pairing: str = 'pairing = "1-2,2-3"'
-) -> LabRecording:
+def opened(folder, files: str, rate: float = RATE, pairing: str = '"1-2,2-3"') -> LabRecording:
     (folder / "dpiv.toml").write_text(TOML.format(files=files, rate=rate, pairing=pairing))
     return LabRecording(read_dpiv(folder))
 
@@ -81,9 +78,8 @@ def test_frames_and_times(tmp_path, write):
 
 
 def test_pairs_have_their_own_interval(tmp_path):
-    pictures = opened(
-        tmp_path, images(tmp_path, frames()), 50.0, 'pairing = "1-2,3-4", interval_s = 0.001'
-    )
+    files = images(tmp_path, frames())
+    pictures = opened(tmp_path, files, 50.0, '"1-2,3-4", interval_s = 0.001')
     np.testing.assert_allclose(pictures.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
 
 

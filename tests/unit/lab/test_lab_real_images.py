@@ -1,8 +1,5 @@
 """Real pictures: a dark body is found to a pixel, the seeding is measured."""
 
-import os
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -13,6 +10,7 @@ from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.pictures import LabRecording
 from postprocess.lab.data.seeding import measure_appearance
 from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn, particles
+from tests.shared_data import shared_data
 
 TOML = """format = "dpiv"
 format_version = 3
@@ -24,28 +22,18 @@ start = "from motion"
 sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 finger_length_std_mm = 0.1
-scale = {{ calibration = "{calibration}", std_percent = 1.0 }}
+scale = {{ calibration = "calibration.json", std_percent = 1.0 }}
 axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
 piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
 """
 
 
-def folder(name: str) -> Path:
-    root = os.environ.get("SHARED_DATA")
-    places = (
-        [Path(root)] if root else [p / "shared" / "data" for p in Path(__file__).resolve().parents]
-    )
-    path = next((place / name for place in places if (place / name).exists()), None)
-    if path is None:
-        pytest.skip("shared data are absent")
-    return path
-
-
 def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:
-    save_calibration(Calibration(0.1), tmp_path / "calibration.json")
-    (tmp_path / "dpiv.toml").write_text(
-        TOML.format(files=folder(source) / files, calibration="calibration.json", x=x)
-    )
+    folder = (shared_data() or tmp_path) / source
+    if not folder.exists():
+        pytest.skip("shared data are absent")
+    save_calibration(Calibration(1e-4), tmp_path / "calibration.json")
+    (tmp_path / "dpiv.toml").write_text(TOML.format(files=folder / files, x=x))
     return LabRecording(read_dpiv(tmp_path))
 
 
@@ -61,19 +49,14 @@ def test_edge_of_a_real_cylinder(tmp_path):
     turn = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 
     def loss(a):
-        outline = np.column_stack(
-            [a[0] + a[2] * np.cos(turn), rows - 1 - a[1] + a[2] * np.sin(turn)]
-        )
+        circle = a[0] + a[2] * np.cos(turn), rows - 1 - a[1] + a[2] * np.sin(turn)
+        outline = np.column_stack(circle)
         return -sum(inside_sum(s, outline) for s in sums)
 
     a = np.array([745.0, 380.0, 45.0])
     for step in (6.0, 1.0):
-        a = minimize(
-            loss,
-            a,
-            method="Nelder-Mead",
-            options={"initial_simplex": np.vstack([a, a + step * np.eye(3)])},
-        ).x
+        simplex = {"initial_simplex": np.vstack([a, a + step * np.eye(3)])}
+        a = minimize(loss, a, method="Nelder-Mead", options=simplex).x
     y, x = np.mgrid[:rows, :columns]
     away = np.hypot(x - a[0], y - a[1])
     mean = np.mean(images, axis=0)

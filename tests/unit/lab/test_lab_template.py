@@ -29,24 +29,18 @@ def test_pictures_fill_in_files_and_root(tmp_path):
     assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 3, "pictures")
     assert (table["title"], table["files"]) == ("run7", "frames/*.tif")
     assert table["axes"]["y"] == "up"
-    assert np.allclose(
-        table["axes"]["root_px"], [100, 240 - 1 - 40], atol=6
-    )  # as near as the mask is
+    # as near as the mask is
+    assert np.allclose(table["axes"]["root_px"], [100, 240 - 1 - 40], atol=6)
     assert "\nframe_rate_hz = …" in text  # pictures do not state it
 
 
-def test_vectors_are_told_from_pictures(tmp_path):
+def test_vectors_are_distinguished_from_pictures(tmp_path):
     (tmp_path / "a001.dat").write_text("x y u v")
-    assert seen_in(tmp_path) == {
-        "format": '"dpiv"',
-        "format_version": "3",
-        "title": f'"{tmp_path.name}"',
-        "files": '"*.dat"',
-        "kind": '"vectors"',
-    }
+    seen = seen_in(tmp_path)
+    assert (seen["files"], seen["kind"]) == ('"*.dat"', '"vectors"')
 
 
-def test_exported_vectors_are_told_from_a_recording(tmp_path):
+def test_vectors_are_distinguished_from_a_recording(tmp_path):
     with h5py.File(tmp_path / "piv.h5", "w") as file:
         file["u"], file["v"] = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     assert seen_in(tmp_path)["kind"] == '"vectors"'

@@ -47,26 +47,24 @@ def test_uncertainty_is_asked_for(tmp_path):
 
 def test_units_that_a_file_does_not_state_are_asked_for(tmp_path):
     write_vectors(series(), tmp_path / "v.txt")
-    for path in tmp_path.glob(
-        "v*.txt"
-    ):  # as OpenPIV itself writes them: without the line that states units
+    for path in tmp_path.glob("v*.txt"):  # as OpenPIV writes them: without the line of units
         path.write_text(path.read_text().partition("\n")[2])
     with pytest.raises(ValueError, match=r"give vectors\.length_unit"):
         lab_vectors(read_dpiv(stated(tmp_path, "v*.txt")))
 
 
 @pytest.mark.parametrize(
-    "old, new, told",
+    "old, new, message",
     [
         ("frame_rate_hz = 100.0", "frame_rate_hz = 500.0", r"is 500, but .* 100 fields per second"),
         ('y = "up"', 'y = "down"', 'state axes.y = "up"'),
     ],
 )
-def test_what_contradicts_the_file_is_refused(tmp_path, old, new, told):
+def test_what_contradicts_the_file_is_refused(tmp_path, old, new, message):
     write_vectors(series(), tmp_path / "v.h5")
     path = stated(tmp_path, "v.h5") / "dpiv.toml"
     path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         lab_vectors(read_dpiv(tmp_path))
 
 

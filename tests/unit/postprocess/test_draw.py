@@ -12,7 +12,7 @@ from tests.synthetic_stroke import finger_series
 
 
 def plane_of(bend_deg):
-    """A plane series as far as a picture's limits and words read it, a wide tank around the finger."""
+    """A minimal plane series for drawing: a finger in a wide tank."""
     finger = finger_series(np.radians(bend_deg))
     x, y = np.linspace(-0.3, 0.3, 61), np.linspace(0.0, 0.3, 31)
     u = np.zeros((len(bend_deg), y.size, x.size))

@@ -1,4 +1,4 @@
-"""Sides, descent and drift of a pinch's vortices, from integrals that hold where cores overlap across the plane."""
+"""Sides, descent and drift of a pinch's vortices, from integrals over overlapping cores."""
 
 import numpy as np
 import pandas as pd

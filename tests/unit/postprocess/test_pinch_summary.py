@@ -1,4 +1,4 @@
-"""When the ventral pair forms: against contact and the gap still to close, whatever the residual gap and an earlier stroke."""
+"""Time at which the ventral pair forms, relative to contact and to the remaining gap."""
 
 import numpy as np
 import pandas as pd

@@ -13,7 +13,7 @@ TIME = np.linspace(0, 1, 6)
 
 
 def passing_square(upward):
-    """A square of 10 mm moves from x = 10 mm to 60 mm; v is `upward` where it has been and −1 elsewhere."""
+    """A square of 10 mm moves from x = 10 to 60 mm; v is `upward` in its trace, else −1."""
     left = 0.010 + 0.050 * TIME
     corners = np.array([[0, 0.019], [0.011, 0.019], [0.011, 0.031], [0, 0.031]])
     outline = corners[None, None] + np.stack([left, 0 * left], axis=-1)[:, None, None]

@@ -31,7 +31,8 @@ def scene(tmp_path):
             (
                 "Level draft errs by 14.2 % at worst (circulation of the tip vortex)",
                 "force on the finger 8.0 %",
-                "against level fine, the finest that was run, whose own error is estimated at 6.0 %",
+                "against level fine, the finest that was run,",
+                "whose own error is estimated at 6.0 %",
             ),
         ),
         ("dorsal", ("circulation on the dorsal side of the tip 2.0 %",)),

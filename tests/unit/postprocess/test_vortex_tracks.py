@@ -79,20 +79,29 @@ def test_vortices_that_never_coexist_are_refused():
 
 
 def test_the_same_vortex_is_compared_where_two_of_one_sense_share_a_tip():
-    """Reference: the stronger vortex far from what the other source sees, a weaker one next to it."""
+    """Reference: the stronger vortex is far from that of the other source, a weaker one near."""
 
     def rows(track, x, circulation):
         return pd.DataFrame(
-            {"time": [0.1, 0.15, 0.2], "track": track, "x": x, "y": 0.0, "circulation": circulation, "core_radius": 3e-3,
-             "finger": 0, "side": "dorsal", "tip_distance": 1.0}
-        )  # fmt: skip
+            {
+                "time": [0.1, 0.15, 0.2],
+                "track": track,
+                "x": x,
+                "y": 0.0,
+                "circulation": circulation,
+                "core_radius": 3e-3,
+                "finger": 0,
+                "side": "dorsal",
+                "tip_distance": 1.0,
+            }
+        )
 
     reference = pd.concat(
         [rows(0, 0.02, 6e-3), rows(1, 0.0, 5e-3), rows(2, 0.001, 1e-3)], ignore_index=True
     )
     seen = rows(7, 0.001, 4.9e-3)
     window = (0.1, 0.2)
-    # track 2 is nearest of all, but too weak to be the vortex that the other source calls the strongest
+    # track 2 is the nearest, but too weak to be the strongest of the other source
     assert set(tracks.counterpart(reference, seen, 0, window)["track"]) == {1}
     tables = tracks.dominant_tracks({"cfd": reference, "piv": seen}, 0, window)
     assert set(tables["cfd"]["track"]) == {1}

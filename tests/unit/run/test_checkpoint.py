@@ -17,7 +17,7 @@ from pipeline.run.checkpoint import (
     saved_times,
 )
 from pipeline.run.results import history
-from pipeline.run.stage import resumes_rightly
+from pipeline.run.solver import resumes_rightly
 
 MORE = ("U_0", "meshPhi")
 

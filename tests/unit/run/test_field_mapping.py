@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import Interval
 from pipeline.mesh.stage import overlap_steps
 from pipeline.run.map_fields import FIELD_MAPPING, field_mappings, settling_time
 
@@ -31,20 +30,19 @@ def test_a_force_settles_where_it_stays_near_the_old_one():
 
 
 def test_a_field_mapping_is_recorded_where_both_intervals_were_solved(tmp_path):
-    intervals = (Interval(0, 0.0, 0.0, 0.02, 0), Interval(1, 0.012, 0.02, 0.04, 1))
-    cases = [tmp_path / interval.name for interval in intervals]
+    cases, starts = [tmp_path / "interval_0", tmp_path / "interval_1"], [0.0, 0.02]
     for case in cases:
         case.mkdir()
     mapped = {"mapped_at": 0.012, "mapping_jump_fraction": 0.0}
     (cases[1] / FIELD_MAPPING).write_text(json.dumps(mapped))
     force = [table(1, 20, np.cos, np.sin), table(13, 40, np.cos, np.sin)]
     energy = [table(1, 20, lambda t: 2 + t)[1::2], table(13, 40, lambda t: 1.01 * (2 + t))[1::2]]
-    (mapping,) = field_mappings(intervals, cases, force, energy)
+    (mapping,) = field_mappings(cases, starts, force, energy)
     assert mapping["time"] == 0.02
     assert mapping["jump_fraction"] == pytest.approx(0.01)
     assert mapping["kinetic_energy_before"] == pytest.approx(2.02)
     assert mapping["force_settled_after"] == 0.0
-    assert field_mappings(intervals[:1], cases[:1], force[:1], energy[:1]) == []
+    assert field_mappings(cases[:1], starts[:1], force[:1], energy[:1]) == []
 
 
 def test_an_interval_overlaps_for_some_steps_and_some_time():

@@ -9,7 +9,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pipeline.run.partition import partition_columns
+from pipeline.run.prepare import partition_columns
 
 LAYERS, OVER_FINGER = 16, 6
 SCOTCH = any(map(shutil.which, ("gpart", "scotch_gpart")))

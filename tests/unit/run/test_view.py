@@ -10,15 +10,13 @@ import pytest
 import pyvista as pv
 
 from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.node_motion import read_motion
-from fileio.formats.sweep import read_sweep
+from fileio.formats.mesh_intervals import read_intervals, read_sweep
 from pipeline.openfoam.foamfile import binary_list, header, write_bytes, write_field
 from pipeline.openfoam.ranks import collated_content
-from pipeline.run.map_fields import cells_of
+from pipeline.run.map_fields import swept_cells
 from pipeline.view.command import write_series
 from pipeline.view.grids import X, Z
-from tests.conftest import prepare, write_scene
+from tests.conftest import meshes_of, prepare, write_scene
 
 CLOSING = """[motion]
 strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.12 }]
@@ -30,10 +28,10 @@ TURN = 3.0  # 1/s
 PRESSURE = 2.5  # m²/s²
 
 
-def write_fields(scene, interval, time: float, layout: str) -> None:
+def write_fields(scene, mesh, time: float, layout: str) -> None:
     """A solid-body turn about z and a constant pressure; `layout`: one rank, two, or collated."""
-    case, name = scene.out / "case" / interval.name, f"{time:g}"
-    cells = cells_of(scene.out, interval, time)
+    case, name = scene.out / "case" / mesh.interval.name, f"{time:g}"
+    cells = swept_cells(mesh, time)
     centre = cells.centre[cells.column]
     velocity = TURN * np.column_stack([-centre[:, 1], centre[:, 0], np.zeros(len(centre))])
     fields = {"U": velocity, "p": np.full(len(centre), PRESSURE)}
@@ -75,13 +73,13 @@ def closing(tmp_path_factory):
     """A quarter of a pinch in several mesh intervals: the end of each, and an overlap."""
     folder = tmp_path_factory.mktemp("view")
     scene = prepare(write_scene(folder, "quarter", CLOSING, parent="pinch"))
-    intervals = read_intervals(scene.out)
-    assert len(intervals) > 1
+    meshes = meshes_of(scene)
+    assert len(meshes) > 1
     layouts = ("one", "two", "collated")
-    for k, interval in enumerate(intervals):
-        write_fields(scene, interval, round(interval.end, 8), layouts[k % 3])
+    for k, mesh in enumerate(meshes):
+        write_fields(scene, mesh, round(mesh.interval.end, 8), layouts[k % 3])
     # the interval before has this instant too
-    write_fields(scene, intervals[1], round(intervals[1].start, 8), layouts[1])
+    write_fields(scene, meshes[1], round(meshes[1].interval.start, 8), layouts[1])
     return scene
 
 
@@ -96,8 +94,8 @@ def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
     series = shown(quarter)
     assert [time for time, _ in series] == [round(i.end, 8) for i in read_intervals(closing.out)]
     assert len(shown(quarter, "walls")) == len(series)
-    for (time, grid), interval in zip(series, read_intervals(closing.out), strict=True):
-        cells = cells_of(closing.out, interval, time)
+    for (time, grid), mesh in zip(series, meshes_of(closing), strict=True):
+        cells = swept_cells(mesh, time)
         volume = grid.compute_cell_sizes(length=False, area=False)["Volume"]
         # faces of VTK's hexahedra are no planes
         np.testing.assert_allclose(volume, cells.volume, rtol=1e-3)
@@ -118,10 +116,8 @@ def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
 
 
 def test_the_walls_are_the_finger_where_it_is_then(closing, quarter):
-    intervals = read_intervals(closing.out)
-    for (time, grid), interval in zip(shown(quarter, "walls"), intervals, strict=True):
-        planform = read_planform(closing.out, interval.mesh)
-        outline = read_motion(closing.out, interval.mesh).nodes(time)[planform["wall"].values]
+    for (time, grid), mesh in zip(shown(quarter, "walls"), meshes_of(closing), strict=True):
+        outline = mesh.motion.nodes(time)[mesh.planform["wall"].values]
         np.testing.assert_allclose(grid.bounds[:4:2], outline.min(axis=0), atol=1e-6)
         np.testing.assert_allclose(grid.bounds[1:4:2], outline.max(axis=0), atol=1e-6)
         assert grid["pressure"] == pytest.approx(PRESSURE * closing.fluid.density)

@@ -7,8 +7,9 @@ import re
 import pytest
 
 from fileio.errors import StageError
-from pipeline.study.predict import duration, report
-from pipeline.study.scaling_data import measured, read_data
+from pipeline.runs.estimate import duration
+from pipeline.study import predict
+from pipeline.study.scaling_data import read_data
 from pipeline.study.scaling_model import Network, Solver, fit, imbalance, step_time, useful_ranks
 from tests.conftest import write_scene
 
@@ -79,11 +80,12 @@ def test_measured_steps_are_recovered(tmp_path):
         read_data(steps=tmp_path / "steps.csv")
 
 
-def test_a_prediction_says_what_it_does_not_know(tmp_path):
+def test_a_prediction_says_what_it_does_not_know(tmp_path, monkeypatch):
     """The memory of a full node is assumed: the answer is a range, with its source."""
-    text = report(write_scene(tmp_path / "small"), 40_000_000, 1_500_000, [1, 2, 64])
+    monkeypatch.setattr(predict, "size", lambda scene: (40_000_000, 1_500_000))
+    text = predict.report(write_scene(tmp_path / "small"))
     answer = next(line for line in text.splitlines() if "no longer pay" in line)
-    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by how well", answer).groups()
+    low, high = re.search(r"\(([\d.]+) min to ([\d.]+) min, by the memory", answer).groups()
     about = re.search(r"about ([\d.]+) min", answer).group(1)
     assert float(low) < float(about) < float(high) < 3.5 * float(low)
     assert "Galeazzo" in text
@@ -103,16 +105,3 @@ def test_small_runs_cost_more_than_their_cells(cells, steps, taken):
     one, two, network = read_data()
     step = step_time(cells, 1, cells, fit(one, two, network), network)
     assert steps * step == pytest.approx(taken, rel=0.2)
-
-
-def test_a_step_is_read_from_the_log(tmp_path):
-    lines, clock = [], 0.0
-    for step in range(1, 101):
-        clock += 0.5 + (0.2 if step % 4 == 0 else 0.0)  # each fourth step takes a picture
-        solves = [f"GAMG:  Solving for p, x, No Iterations {count}" for count in (3, 2)]
-        lines += [f"Time = {step}", *solves, f"ExecutionTime = {clock:.2f} s  ClockTime = 9 s"]
-    (tmp_path / "log.pimpleFoam").write_text("\n".join(lines))
-    timing = measured(tmp_path, 4)
-    assert timing["cycles"] == 5
-    assert timing["step_s"] == pytest.approx(0.55)
-    assert timing["serial_s"] == pytest.approx(0.05)

@@ -182,9 +182,10 @@ def test_the_finest_finished_run_is_the_reference(tmp_path):
         ("gone", 200, 400, "vortices_cfd"),
         ("piv", 10, 400, "vortices"),
     ):
-        folder = tmp_path / name
-        rows.append({"run": name, "folder": str(folder), "level": "draft", "until": until})
-        RUN.write(folder / "out" / "draft" / "run" / "run.json", {"cells": cells, "steps": steps})
+        out = tmp_path / name
+        row = {"run": name, "folder": "cases/single_finger", "level": "draft", "until": until}
+        rows.append(row | {"overrides": {}, "out": str(out)})
+        RUN.write(out / "run" / "run.json", {"cells": cells, "steps": steps})
     assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
     with pytest.raises(ValueError, match="no finished run"):
         finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})

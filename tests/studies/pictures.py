@@ -1,0 +1,110 @@
+"""`make docs`: pictures of the docs from runs and from exact fields.
+
+python -m tests.studies.pictures single_finger pinch    (the repository's root; LEVEL as in make)
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from fileio.atomic import write_bytes
+from fileio.command import guarded
+from fileio.errors import StageError
+from fileio.formats.plane_series import make_plane
+from pipeline.scene.scene import load_scene
+from piv.plots.vectors import COLOUR_MAP
+from piv.synthetic.camera import Camera, Seeding
+from piv.synthetic.virtual_camera import Recorder
+from piv.vortices.criteria import gradients, vorticity
+from piv.vortices.find import find_vortices
+from piv.vortices.gamma2 import gamma2
+from piv.vortices.lamb_oseen_fit import lamb_oseen
+from tests.analytic.piv.tip_scene import tip_scene
+
+DOCS = Path("docs")
+PINCH = ("pair_dorsal.png", "pair_ventral.png", "integrals.svg", "pair.svg", "centreline.svg",
+         "closing.svg")  # fmt: skip
+
+
+def copy_figures(scene: str, level: str) -> None:
+    """The picture half-way through a run, which of a pinch is about contact, and a pinch's own."""
+    figures = load_scene(Path("cases") / scene, level).out / "figures"
+    name = scene if level == "coarse" else f"{scene}_{level}"
+    flow = sorted(figures.glob("flow_*.png"))
+    if not flow:
+        raise StageError(f"{figures}: no flow_*.png; run make {scene} LEVEL={level} first")
+    write_bytes(DOCS / f"{name}.png", flow[len(flow) // 2].read_bytes())
+    for figure in PINCH:
+        if (figures / figure).exists():
+            write_bytes(DOCS / f"{name}_{figure}", (figures / figure).read_bytes())
+
+
+def vortices(path: Path) -> None:
+    """Tip vortex on a CFD grid and on a PIV grid: vorticity, Γ2 region, fitted core."""
+    scenes = {
+        "CFD grid, 0.5 mm": tip_scene(0.5e-3, 5e-3, 1.5),
+        "PIV-like, 1 mm, filtered, noisy": tip_scene(1e-3, 5e-3, 1.5, blur=0.8e-3, noise=2e-3),
+    }
+    figure, axes = plt.subplots(1, 2, figsize=(10, 5), layout="constrained", sharey=True)
+    for axis, (title, (plane, centre)) in zip(axes, scenes.items(), strict=True):
+        x, y, u, v = (plane[n].values for n in ("x", "y", "u", "v"))
+        valid, step = plane["valid"].values != 0, x[1] - x[0]
+        omega = vorticity(gradients(u, v, valid, step, step))
+        region = np.nan_to_num(np.abs(gamma2(u, v, valid, step, step, 2e-3)))
+        axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap=COLOUR_MAP, vmin=-150, vmax=150)
+        axis.contour(x * 1e3, y * 1e3, region, [2 / np.pi], colors="tab:green")
+        k = round(2e-3 / step)
+        axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)
+        for w in find_vortices(plane):
+            place, radius = (w.x * 1e3, w.y * 1e3), w.core_radius * 1e3
+            axis.add_patch(plt.Circle(place, radius, fill=False, lw=2))
+            text = f"{w.circulation * 1e4:.0f} ± {w.circulation_std * 1e4:.0f} cm²/s"
+            axis.annotate(text, place)
+        axis.plot(centre[0] * 1e3, centre[1] * 1e3, "k+", ms=12)
+        axis.set(title=title, xlim=(-20, 40), ylim=(-30, 30), aspect="equal", xlabel="x, mm")
+    axes[0].set_ylabel("y, mm")
+    figure.savefig(path, dpi=80)
+
+
+def synthetic(path: Path) -> None:
+    """A frame with body and shadow, and the brightest of 16 frames."""
+    x, y = np.arange(0, 0.0601, 1e-3), np.arange(0, 0.0501, 1e-3)
+    xx, yy = np.meshgrid(x, y)
+    body = (xx > 0.014) & (xx < 0.026) & (yy > 0.02)
+    flow = lamb_oseen(xx, yy, 0.038, 0.022, -0.015, 6e-3)
+    u, v = (np.tile(np.where(body, np.nan, f), (16, 1, 1)) for f in flow)
+    corners = np.array([[0.014, 0.02], [0.026, 0.02], [0.026, 0.036], [0.014, 0.036]])
+    outline = np.tile(corners, (16, 1, 1, 1))
+    series = make_plane(x, y, u, v, time=np.arange(16) / 500, outline=outline)
+    camera = Camera(width_px=448, height_px=352)
+    recorder = Recorder(series, camera, Seeding(shadow=0.9), seed=1)
+    frames = [frame.image.astype(float) for frame in recorder.frames()]
+    pictures = {
+        "one frame: black body, shadow above it": frames[0],
+        "brightest of 16 frames: the same particles move on": np.max(frames, axis=0),
+    }
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+    for axis, (title, image) in zip(axes, pictures.items(), strict=True):
+        axis.imshow(image, cmap="gray", vmin=0, vmax=200)
+        axis.set(title=title, xlabel="column, px", ylabel="row, px")
+    figure.savefig(path, dpi=80)
+
+
+def main() -> None:
+    """Draw and copy all pictures."""
+    for scene in sys.argv[1:]:
+        copy_figures(scene, os.environ.get("LEVEL") or "coarse")
+    vortices(DOCS / "vortices.png")
+    synthetic(DOCS / "synthetic.png")
+
+
+if __name__ == "__main__":
+    sys.exit(guarded("pictures", main))
