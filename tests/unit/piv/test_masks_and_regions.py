@@ -184,7 +184,7 @@ def test_a_region_outside_the_picture_is_refused(frames, tmp_path, roi, capsys):
     assert "the region" in capsys.readouterr().err
 
 
-def test_another_mask_begins_anew(frames, tmp_path):
+def test_another_mask_begins_anew(frames):
     """A `.part` of other masks is not continued."""
     with open_recording(frames) as recording:
         keys = [part_of_recording(recording, roi=(0, 0, 80, edge)).key for edge in (80, 90)]
