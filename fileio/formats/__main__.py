@@ -19,13 +19,11 @@ from fileio.formats import (
 from fileio.schema import markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
-SCHEMAS = mesh_intervals.SWEEP, *(
-    module.SCHEMA
-    for module in (
-        plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
-        finger_loads, lab_fields, elastic_motion,
-    )
+_MODULES = (
+    plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
+    finger_loads, lab_fields, elastic_motion,
 )  # fmt: skip
+SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
 
 
 def with_tables(page: str) -> str:

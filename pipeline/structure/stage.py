@@ -110,7 +110,8 @@ def _measured_loads(
 
 def _check(finger: _Finger, kinematics: Kinematics, values: dict[str, Any]) -> dict[str, Any]:
     """What the loads would bend, for loads.h5; of a pinch before its contact."""
-    chain, time, pressure = finger.chain, values["time"], values["pressure"]
+    chain = finger.chain
+    time, pressure = values["time"], values["pressure"]
     at, rates = prescribed(chain, finger.chambers, time)
     loads = np.concatenate([values["force"], values["torque"][..., None]], axis=-1)[:, 1:]
     wet, dry = (deflections(chain, pressure, at, rates, finger.water, k * loads) for k in (1, 0))
