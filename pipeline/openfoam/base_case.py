@@ -1,8 +1,7 @@
-"""The templates of the OpenFOAM dictionaries of every interval, and their digest."""
+"""The templates of the OpenFOAM dictionaries of every interval."""
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from fileio.errors import StageError
@@ -24,12 +23,3 @@ def template_files(base: Path = BASE) -> list[Path]:
             f"{base}: the base case is missing; restore it with git checkout cases/_base"
         )
     return sorted(files, key=lambda path: path.relative_to(base).as_posix())
-
-
-def templates_digest(base: Path = BASE) -> str:
-    """Short SHA-256 of the relative names and contents of the templates."""
-    total = hashlib.sha256()
-    for path in template_files(base):
-        content = hashlib.sha256(path.read_bytes()).hexdigest()
-        total.update(f"{path.relative_to(base).as_posix()}\0{content}\n".encode())
-    return total.hexdigest()[:16]
