@@ -1,27 +1,16 @@
-"""The environment of a make that a test runs, without that of an outer make."""
+"""The environment of a make that a test runs: nothing in it of the make that runs the tests."""
 
 from __future__ import annotations
 
 import os
 
-# Variables by which an outer make passes its jobs and command line to an inner one.
-OUTER = (
-    "MAKEFLAGS",
-    "MFLAGS",
-    "MAKELEVEL",
-    "MAKEOVERRIDES",
-    "NP",
-    "LEVEL",
-    "ACCURACY",
-    "BUDGET",
-    "CASES",
-    "SCENE",
-    "QUIET",
-    "FLAGS",
-    "SLURM",
-    "HOSTS",
-    "COLLATED",
-)
+# an outer make's jobs and command line, and the values that it exports
+OUTER = {
+    "MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "SCENE", "STUDY", "DOCS", "LEVEL", "NP",
+    "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "NODES", "MINUTES",
+    "PARTITION", "ACCOUNT", "RETRIES", "STUDIES", "WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK",
+    "PRESSURE",
+}  # fmt: skip
 
 
 def inner_environment(**added: str) -> dict[str, str]:
