@@ -27,7 +27,9 @@ MAKE_VALUES += ["SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", 
 MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK", "PRESSURE"]
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
-app = App("softfinger", help=__doc__, version=__version__)
+app = App(
+    "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
+)
 
 Scene = Annotated[Path, Parameter(help="Folder of the scene, as cases/single_finger.")]
 Level = Annotated[str, Parameter(env_var="LEVEL", help="Level of the scene.")]
@@ -79,12 +81,12 @@ def run(
     if ranks < 1:
         raise StageError(f"NP={ranks}: give 1 or more")
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
-    if coupled and (slurm or accuracy or budget or hosts or collated or set_):
-        raise StageError("COUPLED=1 accepts only LEVEL, NP and QUIET")
-    if slurm and until != "report":
-        raise StageError("SLURM=1 goes with a whole scene or a study, not with one stage")
-    if coupled and until != "report":
-        raise StageError("COUPLED=1 goes with a whole scene, not with one stage")
+    chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
+    modes = [name for name, value in chosen.items() if value]
+    others = {"another mode": len(modes) > 1, "one stage": until != "report", "--set": bool(set_),
+              "--dry-run": dry_run, "HOSTS": hosts is not None}  # fmt: skip
+    if modes and (other := next((name for name, value in others.items() if value), "")):
+        raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
     if accuracy or budget:
         from pipeline.study.accuracy import make_cheapest
 
@@ -132,19 +134,17 @@ def study(
 ) -> Path:
     """Make the runs of a table, equal stages once, and tabulate them."""
     from fileio.atomic import write_text
-    from fileio.json_text import parse_json
     from pipeline.study.machine_speed import probe
     from pipeline.study.plan import plan_study
     from pipeline.study.rows import read_study
     from postprocess.studies.table import write_table
 
     home = scene or Path(os.path.relpath(table.parent.parent))
-    plan = plan_study(home, table.stem, read_study(table))
+    chosen = only.replace(",", " ").split()
+    plan = plan_study(home, table.stem, read_study(table), chosen)
     if not (speed := plan.with_name("probe.json")).exists():
         write_text(speed, json.dumps(probe()) + "\n")
-    code = 0
-    if parse_json(plan.read_bytes(), plan, "")["jobs"]:
-        code = _snakemake(plan, slurm, only=",".join(only.replace(",", " ").split()))
+    code = _snakemake(plan, slurm)
     print(f"table: {write_table(plan)}")
     if code:
         raise SystemExit(code)
@@ -353,13 +353,18 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
     return open_run(scene, level, overrides, out)
 
 
-def _snakemake(plan: Path, slurm: bool, only: str = "", collated: bool = False) -> int:
+def _snakemake(plan: Path, slurm: bool, collated: bool = False) -> int:
     """Schedule a plan's jobs by Snakemake; returns its exit code."""
+    from pipeline.study.plan import clear_records, has_jobs
+
+    if not has_jobs(plan):
+        return 0
     program = str(SNAKEMAKE) if SNAKEMAKE.exists() else shutil.which("snakemake")
     if program is None:
         raise StageError("Snakemake is missing; run make .venv-study/.ready, or install it")
     words = [program, "-s", str(Path(__file__).parent / "study" / "Snakefile")]
-    words += shlex.split(os.environ.get("SNAKEFLAGS", ""))
+    flags = shlex.split(os.environ.get("SNAKEFLAGS", ""))
+    words += flags
     if slurm:
         if shutil.which("sbatch") is None:
             raise StageError("SLURM=1: there is no sbatch here; leave it out, or load Slurm")
@@ -367,8 +372,10 @@ def _snakemake(plan: Path, slurm: bool, only: str = "", collated: bool = False) 
         words += ["--retries", os.environ.get("RETRIES", "5"), *_slurm_place()]
     else:
         words += [f"-j{os.environ.get('NP') or CORES}"]
-    config = {"plan": plan, "python": sys.executable, "only": only, "collated": collated or ""}
+    config = {"plan": plan, "python": sys.executable, "collated": collated or ""}
     words += ["--config", *(f"{key}={value}" for key, value in config.items() if value)]
+    if not {"-n", "--dry-run"} & set(flags):
+        clear_records(plan)
     return subprocess.run(words, check=False).returncode
 
 

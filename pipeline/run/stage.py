@@ -90,5 +90,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     RUN.write(scene.out / "run" / "run.json", about | summary)
     if not quiet:
         rest = 100 * abs(summary["power_balance"]["unexplained_fraction"])
-        print(f"run: {wall_time:.0f} s of solver, {rest:.1f} % of the power balance unexplained")
+        times = ", ".join(f"{at:g} s" for _, now in spent for at in now["resumed"])
+        more = f", resumed at {times}" if times else ""
+        print(f"run: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
     return earlier

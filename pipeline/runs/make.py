@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import signal
 import sys
 import time
 import traceback
@@ -18,7 +20,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from fileio.errors import StageError, one_line, sentence
+from fileio.errors import StageError, one_line, sentence, system_error
 from fileio.lock import exclusive
 from fileio.provenance import digest, versions
 from fileio.record import changed_outputs, read_record, record_path, write_record
@@ -30,6 +32,7 @@ from pipeline.runs.stages import BY_NAME, FEA, Stage
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 
+_TIDY = 5.0  # s for a stage to end by itself after an interruption
 _TICK = 0.5  # s between two checks of the processes
 _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
@@ -73,7 +76,8 @@ def make(
 ) -> None:
     """Make the stale stages of a target; no stage may take longer than `longest` (s).
 
-    StageError with the sentence of the stage that failed; RuntimeError for a defect in a stage.
+    StageError with the sentence of the stage that failed, OSError where the machine is the cause;
+    RuntimeError for a defect in a stage.
     """
     run.check(target)
     waiting = list(run.stale(target))
@@ -101,8 +105,11 @@ def make(
                     running.remove(job)
                     failed = failed or (job if job.ended and job.ended[0] else None)
         except BaseException:
-            for job in running:
-                job.process.join()  # they receive the interruption too, and clean up
+            for job in running:  # they clean up; Ctrl-C has reached them too
+                job.process.join(_TIDY)
+                if job.process.is_alive():
+                    os.kill(job.process.pid or 0, signal.SIGINT)
+                job.process.join()
             raise
     if failed is not None and failed.ended is not None:
         code, text = failed.ended
@@ -110,7 +117,7 @@ def make(
             raise KeyboardInterrupt
         if code == 1:
             raise RuntimeError(f"{failed.stage}: {text}")  # the child printed its traceback
-        raise StageError(f"{failed.stage}: {text}")
+        raise (OSError if code == 3 else StageError)(f"{failed.stage}: {text}")
 
 
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
@@ -210,7 +217,9 @@ def _child(run: Run, stage: str, machine: Machine, quiet: bool, pipe: Connection
         text = sentence(error)
         if text is None:
             traceback.print_exc(file=sys.__stderr__)
-        pipe.send((1, one_line(error, 400)) if text is None else (2, text))
+            pipe.send((1, one_line(error, 400)))
+        else:
+            pipe.send((2 if system_error(error) is None else 3, text))
 
 
 class _Lines:

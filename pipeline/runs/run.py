@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from typing import Any
 from fileio.atomic import sha256
 from fileio.errors import StageError
 from fileio.json_text import flat
+from fileio.lock import exclusive
 from fileio.provenance import digest
 from fileio.record import changed_outputs, read_record, record_path
 from pipeline.fea.up_to_date import check_states
@@ -24,6 +26,8 @@ from pipeline.scene.scene import Scene, load_scene
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
+_OF_CASE = {"0", "0.orig", "constant", "system", "case.foam"}  # in an interval's folder
+_FIELDS = re.compile(r"[0-9.e-]+$|processor")  # folders that the solver writes
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 
 
@@ -97,10 +101,10 @@ class Run:
             return _difference(record["made_from"], self.made_from(stage))
         return next(iter(changed_outputs(self.out, record).values()), None)
 
-    def stale(self, target: str, complete: bool = False) -> dict[str, str]:
+    def stale(self, target: str) -> dict[str, str]:
         """The stages to be made for a target, in order, and why each.
 
-        `complete`: also those of which a file is missing that no stale stage needs.
+        Of a temporary stage a file may be missing, where no stale stage needs it.
         """
         reasons: dict[str, str] = {}
 
@@ -109,7 +113,7 @@ class Run:
                 return
             why = self.why_stale(stage)
             for name in self.inputs(BY_NAME[stage]):
-                if why or (complete and not BY_NAME[name].temporary):
+                if why or not BY_NAME[name].temporary:
                     visit(name)
             if why:
                 reasons[stage] = why
@@ -167,18 +171,32 @@ def targets(target: str) -> list[str]:
 
 
 def take_over(run: Run, stage: str, source: Path) -> None:
-    """Link the files of a stage from another run's folder `source` into a run.
+    """Give a run the files of a stage that another run has made in the folder `source`.
 
-    Hard links are safe: no stage writes into a finished file.
+    Recorded files and fields become hard links: no stage writes into a finished file. Files that a
+    solver appends to or rewrites are copied, and those of a run are no part of its case.
     """
-    step = BY_NAME[stage]
+    record = read_record(source, stage)
+    assert record is not None
     record_path(run.out, stage).unlink(missing_ok=True)
-    for name in step.folders:
-        if (source / name).is_dir():
-            shutil.rmtree(run.out / name, ignore_errors=True)
-            shutil.copytree(source / name, run.out / name, copy_function=_link)
-    record = read_record(source, stage) or {"outputs": {}}
-    apart = [name for name in record["outputs"] if name.split("/")[0] not in step.folders]
+
+    def copy(old: str, new: str) -> None:
+        name = Path(old).relative_to(source)
+        part = name.parts[2]  # case/interval_0/<part>
+        field = part not in _OF_CASE and _FIELDS.match(part)
+        (_link if name.as_posix() in record["outputs"] or field else shutil.copy2)(old, new)
+
+    def ignore(folder: str, names: list[str]) -> list[str]:
+        interval = stage == "case" and Path(folder).parent == source / "case"
+        return [name for name in names if interval and name not in _OF_CASE]
+
+    folders = BY_NAME[stage].folders
+    with exclusive(run.out / "solver"):  # no solver may be at work there
+        for name in folders:
+            if (source / name).is_dir():
+                shutil.rmtree(run.out / name, ignore_errors=True)
+                shutil.copytree(source / name, run.out / name, ignore=ignore, copy_function=copy)
+    apart = [name for name in record["outputs"] if name.split("/")[0] not in folders]
     for name in (*apart, record_path(Path(), stage)):
         new = run.out / name
         new.parent.mkdir(parents=True, exist_ok=True)
@@ -219,6 +237,7 @@ def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
         if scene.pinch is not None and scene.parents:  # compared with the single finger
             beside = scene.parents[-1] / "out" / scene.level
             files |= {path.name: path for path in beside.glob("vortices_*.csv")}
+            files["sheet"] = record_path(beside, "sheet")
         return files
     if stage.name == "report":
         return {

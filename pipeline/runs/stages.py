@@ -29,7 +29,7 @@ class Stage:
     cost: tuple[float, float] = (60, 500)
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
-    temporary: bool = False  # large; only the next stage reads it: may be deleted then
+    temporary: bool = False  # large: may be deleted once its readers are done
 
     @property
     def done(self) -> str:
@@ -47,6 +47,7 @@ _MOTION = ("tank", "finger", "body", "pinch", "support", "motion")
 FEA = Stage(
     "fea", "pipeline.fea.stage", "bending states of the actuator",
     outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(300, 600),
+    threads=True,
 )  # fmt: skip
 STAGES = (
     Stage(
@@ -66,12 +67,12 @@ STAGES = (
         "case", "pipeline.case", "the OpenFOAM case",
         ("mesh",), ("sweep.h5", "case/*/constant/polyMesh/*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(10, 500),
+        folders=("case",), cost=(10, 500), temporary=True,
     ),
     Stage(
         "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",
         ("case",), ("run/run.json", "run/*.csv", "case/*/postProcessing/*/*/*.vtk"),
-        folders=("case",), cost=(300, 600), ranks=True,
+        folders=("case",), cost=(300, 600), ranks=True, temporary=True,
     ),
     Stage(
         "sheet", "pipeline.sheet", "the flow in the laser sheet",
@@ -99,10 +100,10 @@ STAGES = (
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
-        ("vortices_cfd", "vortices_piv"),
+        ("vortices_cfd", "vortices_piv", "kinematics", "run", "sheet", "piv"),
         ("comparison.json", "co*.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
          "halves_*.csv"),
-        cost=(30, 600),
+        {"name": True, "level": True}, cost=(30, 600),
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads, and how far they would bend",
@@ -110,12 +111,14 @@ STAGES = (
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
-        ("compare", "loads"), ("figures/figures.json", "figures/*"),
+        ("compare", "loads", "kinematics", "mesh", "run", "sheet", "images", "piv"),
+        ("figures/figures.json", "figures/*", "figures/frames/*"),
         cost=(60, 900), threads=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",
-        ("figures",), ("report.html",), {"title": True}, cost=(30, 900),
+        ("figures", "compare", "run"), ("report.html",),
+        {"title": True, "name": True, "level": True}, cost=(30, 900),
     ),
 )  # fmt: skip
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}

@@ -196,11 +196,9 @@ def _coupled_run(scene: Scene, level: str, out: Path) -> Run:
 
 
 def _numbers(scene: Scene) -> list[Any]:
-    """Numbers and files that a coupled motion depends on, without the number of runs."""
-    about = scene.model_dump(mode="json", exclude={"folder", "out", "parents", "notes"})
-    about["structure"].pop("iterations")
-    files = Run(scene).made_from("kinematics")["files"]
-    return [about, files]
+    """What a coupled motion depends on, without the number of runs."""
+    structure = scene.structure.model_dump(mode="json", exclude={"iterations"})
+    return [Run(scene).digest("loads"), structure]
 
 
 def _read_or_write(

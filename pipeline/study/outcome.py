@@ -13,7 +13,7 @@ from fileio.provenance import digest
 from fileio.record import read_record, write_record
 from pipeline.openfoam.environment import foam_version
 from pipeline.runs.make import Machine, make
-from pipeline.runs.run import run_of
+from pipeline.runs.run import run_of, targets
 
 OUTCOME = "outcome"
 LONGEST = 7200.0  # s; a stage that takes longer counts as hung
@@ -23,7 +23,8 @@ _LONGEST_REASON = 400  # characters
 def outcome_digest(about: dict[str, Any]) -> str:
     """Digest of the inputs of an outcome: the run up to its last stage, and OpenFOAM."""
     try:
-        made_from = run_of(about).digest(about["until"])
+        run = run_of(about)
+        made_from: Any = [run.digest(stage) for stage in targets(about["until"])]
     except StageError as error:
         made_from = str(error)
     return digest([made_from, about["until"], foam_version()])
@@ -60,6 +61,8 @@ def write_outcome(about: dict[str, Any], machine: Machine) -> None:
 def _ended(text: str) -> dict[str, Any]:
     """Classify an error message: refused, stopped by a guard, failed, or hung."""
     text = " ".join(text.split())
+    if "was killed at" in text or "its process ended with signal" in text:
+        raise StageError(text)  # by the machine: no result
     stage, _, reason = text.partition(": ")
     stage = stage if re.fullmatch(r"\w+", stage) else "scene"
     stopped = re.search(r"stopped at ([-+\d.e]+) s", text)
@@ -68,5 +71,5 @@ def _ended(text: str) -> dict[str, Any]:
         return {"ended": "stopped", "ended_at": stage, "stopped_at_s": at, "reason": reason}
     if "is not over after" in text:
         return {"ended": "hung", "ended_at": stage, "reason": reason}
-    failed = re.search(r"failed (at|in)\b|its process ended", text)
+    failed = re.search(r"failed (at|in)\b", text)
     return {"ended": "failed" if failed else "refused", "ended_at": stage, "reason": reason}

@@ -18,16 +18,25 @@ from pipeline.study.rows import Row, open_row
 
 MARGIN = 2.0  # on the estimates of time and memory
 LEAST_MINUTES, LEAST_MB = 5, 500
+_THREADS = 8  # at most
 
 
-def plan_study(home: Path, study: str, rows: list[Row]) -> Path:
-    """Write the plan of a study's runs; returns its path. StageError where a run is refused."""
+def plan_study(home: Path, study: str, rows: list[Row], only: list[str]) -> Path:
+    """Write the plan of a study's runs, with the jobs of some of them; returns its path.
+
+    `only`: names of runs; empty: all. StageError where a run is refused or unknown.
+    """
+    names = [row.run for row in rows]
+    if unknown := [name for name in only if name not in names]:
+        raise StageError(f"{study}: no run {unknown[0]!r}; the runs are {', '.join(names)}")
     runs: list[dict[str, Any]] = []
     jobs: dict[str, dict[str, Any]] = {}
     made_by: dict[str, str] = {}  # record of the first run with these numbers, by digest
     for row in rows:
         about = _description(home, study, row)
         runs.append(about)
+        if only and row.run not in only:
+            continue
         if row.may_fail:
             if not outcome_is_there(about):
                 jobs[str(record_path(Path(about["out"]), OUTCOME))] = _outcome_job(about)
@@ -45,6 +54,17 @@ def plan_scene(folder: Path, level: str, ranks: int) -> Path:
     jobs: dict[str, dict[str, Any]] = {}
     _add_jobs(jobs, {}, run, about)
     return _write(folder, f"run_{level}", [about], jobs)
+
+
+def has_jobs(plan: Path) -> bool:
+    """Whether anything is left to make of a plan."""
+    return bool(STUDY_PLAN.read(plan)["jobs"])
+
+
+def clear_records(plan: Path) -> None:
+    """Remove the stale records of a plan: Snakemake makes what is missing."""
+    for record in STUDY_PLAN.read(plan)["jobs"]:
+        Path(record).unlink(missing_ok=True)
 
 
 def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = False) -> None:
@@ -67,10 +87,9 @@ def _description(home: Path, study: str, row: Row) -> dict[str, Any]:
 def _add_jobs(
     jobs: dict[str, dict[str, Any]], made_by: dict[str, str], run: Run, about: dict[str, Any]
 ) -> None:
-    stale = list(run.stale(about["until"], complete=True))
+    stale = list(run.stale(about["until"]))
     for stage in stale:
         record = str(record_path(run.out, stage))
-        Path(record).unlink(missing_ok=True)  # Snakemake makes missing files
         first = made_by.setdefault(run.digest(stage), record)
         before = [str(record_path(run.out, name)) for name in run.inputs(BY_NAME[stage])]
         before = [name for name in before if name in jobs]
@@ -82,14 +101,13 @@ def _add_jobs(
             "digest": run.digest(stage),
             "inputs": before + [first] * (first != record),
             "ranks": ranks,
+            "threads": _THREADS if BY_NAME[stage].threads else ranks,
             "minutes": max(LEAST_MINUTES, round(MARGIN * seconds / ranks / 60)),
             "memory_mb": max(LEAST_MB, round(MARGIN * memory)),
         }
 
 
 def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
-    record = record_path(Path(about["out"]), OUTCOME)
-    record.unlink(missing_ok=True)
     minutes, memory = LEAST_MINUTES, 2 * LEAST_MB
     try:
         run = run_of(about)
@@ -105,6 +123,7 @@ def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
         "digest": outcome_digest(about),
         "inputs": [],
         "ranks": about["ranks"],
+        "threads": about["ranks"],
         "minutes": minutes,
         "memory_mb": memory,
     }

@@ -55,7 +55,7 @@ def make_report(files: StageFiles) -> Path:
         notes=wording.absences(comparison, sections, finger=not body),
         body="fingers" if pinch else "body" if body else "finger",
         modelled=statements(scene, comparison["scale"]["value"], figures["tip_height"]),
-        numbers=scene,
+        numbers=_numbers(files.out),
         run=run,
         costs=_costs(files.out, run["wall_time"]),
         provenance=comparison["provenance"],
@@ -91,6 +91,12 @@ def _data_uri(path: Path) -> str:
             f"{path} is listed in figures.json and missing; run the stage 'figures' again"
         )
     return f"data:{_MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def _numbers(out: Path) -> dict[str, Any]:
+    """The numbers of the scene that the stages before have used, by dotted key."""
+    records = (read_record(out, stage.name) for stage in STAGES if stage.name != "report")
+    return {k: v for r in records if r for k, v in r["made_from"]["numbers"].items()}
 
 
 def _costs(out: Path, solver_time: float) -> list[dict[str, Any]]:

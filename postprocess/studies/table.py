@@ -14,7 +14,7 @@ from fileio.formats import bending_states
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import FORCES, RUN, STUDY_PLAN
 from fileio.record import read_record
-from pipeline.runs.run import run_of
+from pipeline.runs.run import Run, run_of
 from pipeline.runs.stages import BY_NAME, until
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles
@@ -45,7 +45,7 @@ def missing_runs(plan: dict[str, Any]) -> dict[str, str]:
             if read_record(Path(row["out"]), "outcome") is None:
                 reasons[row["run"]] = "outcome: not made yet"
             continue
-        stale = run_of(row).stale(row["until"], complete=True)
+        stale = run_of(row).stale(row["until"])
         if stale:
             stage, why = next(iter(stale.items()))
             reasons[row["run"]] = f"{stage}: {why}"
@@ -60,9 +60,9 @@ def stage_costs(out: Path, stages: list[str]) -> tuple[dict[str, float], float]:
     return seconds, max((r["peak_memory"] * _MB for r in made.values()), default=0.0)
 
 
-def _costs(files: StageFiles) -> dict[str, float]:
-    """`stage_costs` of all stages up to the vortices, and their sum."""
-    seconds, memory = stage_costs(files.out, _SHARED)
+def _costs(files: StageFiles, fresh: list[str]) -> dict[str, float]:
+    """`stage_costs` of the fresh stages up to the vortices, and their sum."""
+    seconds, memory = stage_costs(files.out, [stage for stage in _SHARED if stage in fresh])
     return seconds | {"cpu_total_s": sum(seconds.values()), "peak_memory_MB": memory}
 
 
@@ -99,12 +99,12 @@ def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
     return stroke_window(times, kinematics.bend(kinematics.law(times)), MIDDLE)
 
 
-def _vortex(files: StageFiles) -> dict[str, Any]:
+def _vortex(files: StageFiles, fresh: list[str]) -> dict[str, Any]:
     """Mean circulation, centre and core radius of the tip vortex in mid-stroke, by source."""
     numbers: dict[str, Any] = {}
     for source in ("cfd", "piv"):
         name = f"vortices_{source}.csv"
-        if files.optional(name) is None:
+        if f"vortices_{source}" not in fresh:
             continue
         window = middle_of_stroke(files)
         table = tracks.read_vortices(files.out / name)
@@ -140,6 +140,17 @@ def _bending(out: Path) -> dict[str, Any]:
     }
 
 
+def _fresh(run: Run, last: str) -> list[str]:
+    """The stages up to the last one whose record follows from this run."""
+    chain = [*(["fea"] if run.analysed else []), *(stage.name for stage in until(last))]
+    records = {stage: read_record(run.out, stage) for stage in chain}
+    return [
+        stage
+        for stage, record in records.items()
+        if record and record["digest"] == run.digest(stage)
+    ]
+
+
 def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
     """One row per run of the plan: overrides, costs and results, or why they are `missing`."""
     rows = []
@@ -155,11 +166,14 @@ def study_table(plan: dict[str, Any], missing: dict[str, str]) -> pd.DataFrame:
             rows.append(cells | {"missing": missing[row["run"]]})
             continue
         try:
-            files = files_of(row)
+            run = run_of(row)
         except StageError:
             rows.append(cells)  # refused, which is its result
-        else:
-            rows.append(cells | _solver(files) | _vortex(files) | _costs(files))
+            continue
+        files, fresh = StageFiles(run.scene), _fresh(run, row["until"])
+        cells |= _solver(files) if "run" in fresh else {}
+        cells |= _vortex(files, fresh)
+        rows.append(cells | _costs(files, fresh))
     return pd.DataFrame(rows)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -94,17 +95,20 @@ def test_a_file_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
     assert "kinematics" in again(run).stale("kinematics")
 
 
-def test_a_large_file_that_was_deleted_is_not_needed(run: Run) -> None:
-    """What was made of a deleted file stands; the file is made again where it is asked for."""
-    run.path("kinematics").unlink()
+def test_a_lost_file_is_made_again_and_a_deleted_case_is_not_needed(run: Run) -> None:
+    """Large files of the solver may be deleted; they are made again where they are needed."""
+    make(run, "case", ONE, quiet=True)
+    shutil.rmtree(run.out / "case")
+    assert list(again(run).stale("case")) == ["case"]
     assert again(run).stale("mesh") == {}
-    assert again(run).stale("kinematics") == {"kinematics": "kinematics.h5 is missing"}
+    run.path("kinematics").unlink()
+    assert again(run).stale("mesh") == {"kinematics": "kinematics.h5 is missing"}
 
 
 def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
     """Two makes at once: the second is refused, and nothing is written."""
     stale = again(run, **{"mesh.tip_cell": 0.003})
-    with exclusive(run.out / "mesh.stage"), pytest.raises(StageError, match=r"^mesh: .*writing"):
+    with exclusive(run.out / "mesh.stage"), pytest.raises(OSError, match=r"^mesh: .*writing"):
         make(stale, "mesh", ONE, quiet=True)
     assert "mesh" in stale.stale("mesh")
 

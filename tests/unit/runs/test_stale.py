@@ -115,6 +115,15 @@ def digests(name: str) -> dict[str, str]:
     return {stage.name: run.digest(stage.name) for stage in STAGES}
 
 
+def test_the_table_names_sections_and_keys_that_there_are() -> None:
+    """A misspelt key of a row would make a stage pass for fresh."""
+    numbers = scenes()["pinch"].model_dump()
+    for stage in STAGES:
+        for section, keys in stage.sections.items():
+            assert section in numbers
+            assert keys is True or keys <= numbers[section].keys()
+
+
 def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:
     """A motion's file makes all stages stale where its content changes, wherever it lies."""
     text = 'motion = { source = "fea", states = "states.h5" }\n'

@@ -27,9 +27,9 @@ def table(folder: Path, rows: str) -> Path:
     return path
 
 
-def planned(folder: Path, rows: str) -> dict:
-    """The plan of a table."""
-    path = plan_study(folder, "trial", read_study(table(folder, rows)))
+def planned(folder: Path, rows: str, *only: str) -> dict:
+    """The plan of a table, of some of its runs."""
+    path = plan_study(folder, "trial", read_study(table(folder, rows)), only)
     return json.loads(path.read_text()) | {"path": path}
 
 
@@ -72,6 +72,15 @@ def test_only_what_a_change_makes_stale_is_planned(tmp_path: Path) -> None:
     for run, stage in jobs(plan):
         run_job(plan["path"], run, stage, 1)
     assert jobs(planned(scene.folder, "a, tiny, mesh, , , 5e-4, , \n")) == [("a", "mesh")]
+
+
+def test_only_some_runs_are_planned_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
+    """A plan names all runs and the jobs of the chosen ones; it removes no record."""
+    scene = write_scene(tmp_path / "small")
+    rows = "a, tiny, mesh, , , , , \nb, tiny, mesh, , , , , \n"
+    assert {run for run, _ in jobs(planned(scene.folder, rows, "b"))} == {"b"}
+    with pytest.raises(StageError, match="no run 'c'; the runs are a, b"):
+        planned(scene.folder, rows, "c")
 
 
 def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
