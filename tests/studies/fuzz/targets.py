@@ -324,10 +324,11 @@ def kinematics_seeds(folder: Path) -> list[bytes]:
     values = {
         "time": time, "pressure": 1e5 * time, "shape_parameter": knots, "shape_bend": knots / 1e4,
         "shape_outline": np.stack([box] * 6), "source": "fea", "tip_thickness": 0.0145,
+        "root": np.zeros(2), "length": 0.07,
     }  # fmt: skip
     pair = np.tile([0.0, 1.0], (6, 1))
     values |= dict.fromkeys(("shape_tip", "shape_tip_direction", "shape_dorsal_direction"), pair)
-    write_kinematics(folder / "k.h5", values, {})
+    write_kinematics(folder / "k.h5", values)
     return [(folder / "k.h5").read_bytes()]
 
 
