@@ -167,7 +167,7 @@ def test_the_film_can_be_decoded(browser):
     assert browser.run(f"return {video}.videoWidth") > 0
     length = browser.run(f"return {video}.duration || 0")
     # a container rounds to its time base
-    assert length == pytest.approx(FRAMES / flow_figures.FILM_HZ, abs=0.05)
+    assert length == pytest.approx(FRAMES / flow_figures._FILM_HZ, abs=0.05)
 
 
 @pytest.mark.parametrize("width", [360, 400, 768, 1024, 1300, 1920])
