@@ -227,7 +227,7 @@ def long_file(tmp_path, monkeypatch):
 
 
 def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
-    """Peak of the Python heap for 100 and 400 instants: the same but for the time axis."""
+    """Peak of the Python heap for 100 and 800 instants: the same but for the time axis."""
 
     def peak(path, work):
         with read_plane(path) as plane:
@@ -238,8 +238,8 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
             tracemalloc.stop()
         return peak_bytes
 
-    short, long = long_file(100), long_file(400)
-    size = 400 * XX.size * 8  # of one variable of the longer file
+    short, long = long_file(100), long_file(800)
+    size = 800 * XX.size * 8  # of one variable of the longer file
     for work in (
         statistics,
         lambda p: write_blocks(derived_blocks(p), tmp_path / "d.h5", p),
