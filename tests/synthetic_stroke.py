@@ -230,7 +230,8 @@ def write_case(
         "piv": 38.0,
     }.items():
         cost = {"wall_time": seconds, "cpu_time": seconds, "peak_memory": int(4e8)}
-        write_record(out, stage, {"digest": "0123abcd"} | cost, [])
+        about = {"digest": "0123abcd", "made_from": {"numbers": {}}}
+        write_record(out, stage, about | cost, [])
     return case
 
 

@@ -104,10 +104,10 @@ def test_equal_stages_are_one_file_and_a_refusal_is_a_result(studied):
 
 def test_a_second_start_computes_nothing_and_a_lost_file_is_made_again(studied):
     assert "localrule" not in study(studied)
-    (studied / "thick" / "planform.h5").unlink()
-    kept = read_record(studied / "itself", "mesh")
-    assert re.findall(r"(?m)^localrule (\w+):", study(studied)) == ["mesh", "all"]
-    assert read_record(studied / "itself", "mesh") == kept
+    (studied / "thick" / "run" / "forces.csv").unlink()
+    kept = read_record(studied / "itself", "run")
+    assert re.findall(r"(?m)^localrule (\w+):", study(studied)) == ["run", "all"]
+    assert read_record(studied / "itself", "run") == kept
 
 
 def test_a_study_killed_three_times_ends_with_the_table_of_an_undisturbed_one(studied, tmp_path):
