@@ -127,7 +127,8 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
             return  # another process made it meanwhile
-        if (twin := run.twin(stage)) is not None:
+        ranks = machine.ranks if step.ranks else None
+        if (twin := run.twin(stage, ranks)) is not None:
             take_over(run, stage, twin)
             if not quiet:
                 print(f"{stage}: the same as in {twin}, taken over", flush=True)
@@ -135,6 +136,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about: dict[str, Any] = {"scene": run.scene.name, "level": run.scene.level}
         about["digest"] = run.digest(stage)
         about |= {"made_from": run.made_from(stage), "versions": versions()}
+        about |= {"ranks": ranks} if ranks else {}
         if (record := read_record(run.out, stage)) is not None:
             for name in changed_outputs(run.out, record):
                 (run.out / name).unlink(missing_ok=True)  # a solver must not resume from it

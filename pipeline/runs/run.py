@@ -122,12 +122,16 @@ class Run:
             visit(stage)
         return reasons
 
-    def twin(self, stage: str) -> Path | None:
-        """Folder of another run of this scene with the same result of a stage; None without one."""
+    def twin(self, stage: str, ranks: int | None = None) -> Path | None:
+        """Folder of another run of this scene with the same result of a stage; None without one.
+
+        `ranks`: those of a stage that solves through MPI; a study may compare them.
+        """
         for out in _other_runs(self.scene, stage):
             record = read_record(out, stage)
-            same = record and record["digest"] == self.digest(stage) and out != self.out
-            if record and same and not changed_outputs(out, record):
+            if record is None or out == self.out or record.get("ranks") != ranks:
+                continue
+            if record["digest"] == self.digest(stage) and not changed_outputs(out, record):
                 return out
         return None
 

@@ -52,7 +52,7 @@ FLAGS = (
 # Cells for two ranks, and minutes of the solver; images and PIV are small.
 LONG = """
 [levels.draft]
-numerics = { time_step = 5e-4, write_interval = 0.02 }
+numerics = { time_step = 2.5e-4, write_interval = 0.02 }
 camera = { columns = 320, rows = 256, centre = [0.01, 0.185] }
 piv = { every = 10, preset = "fast" }
 """
