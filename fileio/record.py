@@ -34,11 +34,23 @@ def read_record(out: Path, stage: str) -> dict[str, Any] | None:
 
 def write_record(out: Path, stage: str, about: dict[str, Any], outputs: list[Path]) -> None:
     """Write a stage's record: `about`, and size, time and SHA-256 of each file in `outputs`."""
-    files = {path.relative_to(out).as_posix(): _state(path) for path in sorted(outputs)}
-    for state, path in zip(files.values(), sorted(outputs), strict=True):
-        state["sha256"] = sha256(path)
+    files = {
+        path.relative_to(out).as_posix(): _state(path) | {"sha256": sha256(path)}
+        for path in sorted(outputs)
+    }
     record = FORMAT | {"stage": stage} | about | {"outputs": files}
     write_text(record_path(out, stage), json.dumps(record, indent=1) + "\n")
+
+
+def forget(out: Path, stage: str) -> None:
+    """Remove a stage's record, and the outputs that are not the recorded ones.
+
+    A solver would otherwise resume from a damaged file.
+    """
+    if (record := read_record(out, stage)) is not None:
+        for name in changed_outputs(out, record):
+            (out / name).unlink(missing_ok=True)
+    record_path(out, stage).unlink(missing_ok=True)
 
 
 def changed_outputs(out: Path, record: dict[str, Any]) -> dict[str, str]:

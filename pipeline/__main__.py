@@ -78,19 +78,17 @@ def run(
     """
     from pipeline.runs.make import Machine, make
 
-    if ranks < 1:
-        raise StageError(f"NP={ranks}: give 1 or more")
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
     others = {"another mode": len(modes) > 1, "one stage": until != "report", "--set": bool(set_),
-              "--dry-run": dry_run, "HOSTS": hosts is not None}  # fmt: skip
+              "--name": bool(name), "--dry-run": dry_run, "HOSTS": hosts is not None}  # fmt: skip
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
     if accuracy or budget:
         from pipeline.study.accuracy import make_cheapest
 
-        made = make_cheapest(scene, accuracy, budget, machine.jobs, quiet)
+        made = make_cheapest(scene, accuracy, budget, machine, quiet)
     elif slurm:
         from pipeline.study.plan import plan_scene
 
@@ -103,6 +101,7 @@ def run(
 
             made = couple(made.scene, machine, quiet)
         elif dry_run:
+            made.check(until)
             print(
                 "\n".join(f"{k}: {why}" for k, why in made.stale(until).items()) or "nothing to do"
             )
@@ -131,8 +130,17 @@ def study(
     scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
     only: RunNames = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")] = False,
+    collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
 ) -> Path:
-    """Make the runs of a table, equal stages once, and tabulate them."""
+    """Make the runs of a table, equal stages once, and tabulate them.
+
+    Parameters
+    ----------
+    collated
+        One file for all ranks, not one for each.
+    """
+    if table.is_dir():
+        raise StageError("give STUDY=table.csv, as cases/single_finger/studies/tradeoff.csv")
     from fileio.atomic import write_text
     from pipeline.study.machine_speed import probe
     from pipeline.study.plan import plan_study
@@ -144,7 +152,7 @@ def study(
     plan = plan_study(home, table.stem, read_study(table), chosen)
     if not (speed := plan.with_name("probe.json")).exists():
         write_text(speed, json.dumps(probe()) + "\n")
-    code = _snakemake(plan, slurm)
+    code = _snakemake(plan, slurm, collated)
     print(f"table: {write_table(plan)}")
     if code:
         raise SystemExit(code)
@@ -160,11 +168,19 @@ def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
 
 
 @app.command
-def fea(scene: Scene, *, level: Level = "coarse", ranks: Ranks = 2, quiet: Quiet = False) -> None:
+def fea(
+    scene: Scene,
+    *,
+    level: Level = "coarse",
+    processes: Annotated[int, Parameter(env_var="NP", help="Parallel processes.")] = 2,
+    quiet: Quiet = False,
+) -> None:
     """Analyse the actuator of a scene: kinematics/states.h5 beside its scene.toml."""
     from pipeline.fea.stage import run as analyse
 
-    analyse(_open(scene, level).scene, quiet, processes=ranks)
+    if processes < 1:
+        raise StageError(f"NP={processes}: give 1 or more")
+    analyse(_open(scene, level).scene, quiet, processes=processes)
 
 
 @app.command
@@ -183,7 +199,7 @@ def view(
     scene: Scene,
     *,
     level: Level = "coarse",
-    ranks: Ranks = 1,
+    ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
     whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False,
 ) -> None:
@@ -198,7 +214,7 @@ def view(
     from pipeline.view.command import view as write
 
     made = _open(scene, level)
-    make(made, "run", Machine(ranks), quiet)
+    make(made, "run", Machine(ranks, min(ranks, CORES)), quiet)
     write(made.scene, whole, quiet)
 
 
@@ -334,7 +350,7 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
     """The run of a scene; one with overrides (KEY=VALUE) has its own folder."""
     from fileio.provenance import digest
     from pipeline.runs.run import open_run
-    from pipeline.study.rows import parse_cell
+    from pipeline.study.rows import check_name, parse_cell
 
     if not (scene / "scene.toml").is_file():
         from fileio.errors import suggestion
@@ -347,6 +363,11 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
         raise StageError(f"--set {wrong[0]}: give KEY=VALUE, as mesh.tip_cell=0.001")
     if name and not values:
         raise StageError("--name needs --set: a run without overrides has its own folder")
+    if name:
+        check_name(name, "--name")
+    keys = [text.partition("=")[0].strip() for text in values]
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise StageError(f"--set {twice}: occurs twice; give it once")
     overrides = {k.strip(): parse_cell(v.strip()) for k, _, v in (t.partition("=") for t in values)}
     place = name or digest([level, overrides])[:8]
     out = scene / "out" / "variations" / place if overrides else None
@@ -374,7 +395,7 @@ def _snakemake(plan: Path, slurm: bool, collated: bool = False) -> int:
         words += [f"-j{os.environ.get('NP') or CORES}"]
     config = {"plan": plan, "python": sys.executable, "collated": collated or ""}
     words += ["--config", *(f"{key}={value}" for key, value in config.items() if value)]
-    if not {"-n", "--dry-run"} & set(flags):
+    if not {"-n", "--dry-run", "--dryrun"} & set(flags):
         clear_records(plan)
     return subprocess.run(words, check=False).returncode
 

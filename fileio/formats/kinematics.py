@@ -136,16 +136,6 @@ class Kinematics:
         """Bend angles (rad) at pressures (n,)."""
         return np.ravel(self.shape("bend", pressure))
 
-    def pressure_of_bend(self, bend: np.ndarray) -> np.ndarray:
-        """Pressures (Pa) of bend angles (rad); inverse of `bend`."""
-        from scipy.interpolate import PchipInterpolator
-
-        reach = 0.25 * (self.high - self.low)
-        fine = np.linspace(self.low - reach, self.high + reach, 601)
-        angle = self.bend(fine)
-        order = np.argsort(angle)
-        return PchipInterpolator(angle[order], fine[order], extrapolate=True)(bend)
-
     def bend_std(self, pressure: float) -> float | None:
         """Standard uncertainty of the bend angle (rad) at a pressure; None where unknown."""
         std = self.values("state_bend_std")

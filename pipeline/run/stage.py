@@ -30,8 +30,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
 
     `collated`: the ranks share their files.
     """
-    if ranks < 1:
-        raise StageError(f"ranks = {ranks}: give 1 or more")
     if hosts is not None and not hosts.is_file():
         raise StageError(f"hosts = {hosts}: no such file; give an MPI host file, one host per line")
     hosts = hosts and hosts.resolve()  # the solver runs in another folder

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from fileio.errors import StageError, one_line, sentence, system_error
 from fileio.lock import exclusive
 from fileio.provenance import digest, versions
-from fileio.record import changed_outputs, read_record, record_path, write_record
+from fileio.record import changed_outputs, forget, read_record, record_path, write_record
 from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
@@ -50,6 +50,10 @@ class Machine:
     jobs: int = 1
     hosts: Path | None = None
     collated: bool = False
+
+    def __post_init__(self) -> None:
+        if min(self.ranks, self.jobs) < 1:
+            raise StageError(f"NP={self.ranks}: give 1 or more")
 
     def options(self, stage: Stage) -> dict[str, Any]:
         """Options of a stage's function."""
@@ -127,8 +131,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
             return  # another process made it meanwhile
-        ranks = machine.ranks if step.ranks else None
-        if (twin := run.twin(stage, ranks)) is not None:
+        if (twin := run.twin(stage)) is not None:
             take_over(run, stage, twin)
             if not quiet:
                 print(f"{stage}: the same as in {twin}, taken over", flush=True)
@@ -136,11 +139,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about: dict[str, Any] = {"scene": run.scene.name, "level": run.scene.level}
         about["digest"] = run.digest(stage)
         about |= {"made_from": run.made_from(stage), "versions": versions()}
-        about |= {"ranks": ranks} if ranks else {}
-        if (record := read_record(run.out, stage)) is not None:
-            for name in changed_outputs(run.out, record):
-                (run.out / name).unlink(missing_ok=True)  # a solver must not resume from it
-        record_path(run.out, stage).unlink(missing_ok=True)
+        forget(run.out, stage)
         earlier = _call(run, step, machine, quiet) or Spent()
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)
@@ -157,9 +156,11 @@ def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = Fals
     same = record is not None and record["digest"] == about["digest"]
     if record and same and not changed_outputs(path.parent, record):
         return
+    from pipeline.sheet import run as sample
+
     path.parent.mkdir(parents=True, exist_ok=True)
     record_path(path.parent, path.stem).unlink(missing_ok=True)
-    import_module("pipeline.sheet").run(run.scene, quiet, view=view, output=path)
+    sample(run.scene, quiet, view=view, output=path)
     write_record(path.parent, path.stem, about, [path])
 
 

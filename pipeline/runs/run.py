@@ -20,7 +20,7 @@ from fileio.provenance import digest
 from fileio.record import changed_outputs, read_record, record_path
 from pipeline.fea.up_to_date import check_states
 from pipeline.openfoam.base_case import BASE, template_files
-from pipeline.runs.stages import BY_NAME, FEA, STAGES, TARGETS, Stage, until
+from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 
@@ -35,22 +35,19 @@ _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 class Run:
     """The stages of one scene at one level, and their files in `scene.out`.
 
-    `analysed`: the run computes the bending states of its own actuator first.
+    `analysed`: the run computes the bending states of its own actuator first. `ranks`: MPI ranks
+    where a study compares them; they are then among the numbers of the solver's stage.
     """
 
     scene: Scene
     overrides: Mapping[str, Any] = field(default_factory=dict)
     analysed: bool = False
+    ranks: int | None = None
 
     @property
     def out(self) -> Path:
         """Folder of the results."""
         return self.scene.out
-
-    @property
-    def stages(self) -> tuple[Stage, ...]:
-        """The stages of this run in order."""
-        return (FEA, *STAGES) if self.analysed else STAGES
 
     def path(self, stage: str) -> Path:
         """The first file of a stage."""
@@ -76,6 +73,8 @@ class Run:
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}
             numbers |= flat({section: chosen})
         numbers = {k: v for k, v in numbers.items() if v is not None and k not in FILES}
+        if step.ranks and self.ranks is not None:
+            numbers["ranks"] = self.ranks
         files = {name: _sum(path) for name, path in sorted(_files(step, self.scene).items())}
         if self.analysed:
             files.pop("motion.states", None)  # the result of the stage fea, an input
@@ -122,22 +121,23 @@ class Run:
             visit(stage)
         return reasons
 
-    def twin(self, stage: str, ranks: int | None = None) -> Path | None:
-        """Folder of another run of this scene with the same result of a stage; None without one.
-
-        `ranks`: those of a stage that solves through MPI; a study may compare them.
-        """
+    def twin(self, stage: str) -> Path | None:
+        """Folder of another run of this scene with the same result of a stage; None without one."""
         for out in _other_runs(self.scene, stage):
             record = read_record(out, stage)
-            if record is None or out == self.out or record.get("ranks") != ranks:
-                continue
-            if record["digest"] == self.digest(stage) and not changed_outputs(out, record):
+            same = record and record["digest"] == self.digest(stage) and out != self.out
+            if record and same and not changed_outputs(out, record):
                 return out
         return None
 
     def check(self, target: str) -> None:
-        """StageError where the bending states are those of another actuator."""
-        if not self.analysed and target != "fea":
+        """StageError where the bending states are those of another actuator, or not this run's."""
+        if target == FEA.name and not self.analysed:
+            raise StageError(
+                "fea: this run has the actuator of its scene; use softfinger fea, or --set a key"
+                " of actuator or fea"
+            )
+        if not self.analysed:
             check_states(self.scene)
 
 
@@ -146,6 +146,7 @@ def open_run(
     level: str = "coarse",
     overrides: Mapping[str, Any] | None = None,
     out: Path | None = None,
+    ranks: int | None = None,
 ) -> Run:
     """The run of a scene's folder at a level, with `overrides` by dotted keys. StageError.
 
@@ -157,12 +158,13 @@ def open_run(
     if analysed:
         states = os.path.relpath((out or Path()) / FEA.done, folder)
         overrides = {"motion.source": "fea"} | overrides | {"motion.states": states}
-    return Run(load_scene(folder, level, overrides, out), overrides, analysed)
+    return Run(load_scene(folder, level, overrides, out), overrides, analysed, ranks)
 
 
 def run_of(row: Mapping[str, Any]) -> Run:
     """The run that a row of a study's plan describes."""
-    return open_run(row["folder"], row["level"], row["overrides"], Path(row["out"]))
+    out, ranks = Path(row["out"]), row["compared_ranks"]
+    return open_run(row["folder"], row["level"], row["overrides"], out, ranks)
 
 
 def targets(target: str) -> list[str]:

@@ -164,14 +164,14 @@ def load_scene(
     table, replaced = resolve(layers, level)
     values = ", ".join(f"{key} of {where}" for key, where in sorted(replaced.items()))
     notes = (f"{values}: used in place of the parent's [levels.{level}]",) if values else ()
+    for key, value in (overrides or {}).items():
+        names = key.split(".")
+        table = merge(table, reduce(lambda inner, name: {name: inner}, reversed(names), value))
     for key in ("name", "level", "folder", "parents", "out", "notes"):
         if key in table:
             raise StageError(
                 f"{path}: {key}: this key is not known; check its spelling or remove it"
             )
-    for key, value in (overrides or {}).items():
-        names = key.split(".")
-        table = merge(table, reduce(lambda inner, name: {name: inner}, reversed(names), value))
     parents = tuple(layer.path.parent for layer in layers[-2::-1])
     place: dict[str, Any] = {
         "parents": parents,

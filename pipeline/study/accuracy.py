@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +133,7 @@ def reference_warning(head: dict[str, Any], error: float) -> str:
     )
 
 
-def make_cheapest(folder: Path, accuracy: str, budget: str, jobs: int, quiet: bool) -> Run:
+def make_cheapest(folder: Path, accuracy: str, budget: str, machine: Machine, quiet: bool) -> Run:
     """Make the report of the setting that `choose` gives for an accuracy or a budget."""
     error = parse_accuracy(accuracy) if accuracy else None
     time = parse_budget(budget) if budget else None
@@ -152,7 +152,7 @@ def make_cheapest(folder: Path, accuracy: str, budget: str, jobs: int, quiet: bo
             print(warning)
         if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
             print(f"not counted, because not measured: {', '.join(unknown)}")
-    make(run, "report", Machine(row.ranks, jobs), quiet)
+    make(run, "report", replace(machine, ranks=row.ranks), quiet)
     if not quiet:
         records = [read_record(run.out, stage.name) for stage in STAGES]
         cpu = sum(record["cpu_time"] for record in records if record)

@@ -53,8 +53,7 @@ def write_outcome(about: dict[str, Any], machine: Machine) -> None:
     if until == "run":  # no later stage reads the solver's case
         shutil.rmtree(out / "case", ignore_errors=True)
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cost = {"cpu_time": round(used.ru_utime + used.ru_stime, 1), "wall_time": 0.0}
-    cost |= {"peak_memory": used.ru_maxrss * 1024}
+    cost = {"cpu_time": round(used.ru_utime + used.ru_stime, 1)}
     write_record(out, OUTCOME, {"digest": outcome_digest(about)} | cost | result, [])
 
 

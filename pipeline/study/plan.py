@@ -8,13 +8,13 @@ from typing import Any
 
 from fileio.errors import StageError
 from fileio.formats.records import STUDY_PLAN
-from fileio.record import record_path
+from fileio.record import forget, record_path
 from pipeline.runs.estimate import estimate
 from pipeline.runs.make import Machine, make_stage
 from pipeline.runs.run import Run, open_run, run_of
 from pipeline.runs.stages import BY_NAME
 from pipeline.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
-from pipeline.study.rows import Row, open_row
+from pipeline.study.rows import Row
 
 MARGIN = 2.0  # on the estimates of time and memory
 LEAST_MINUTES, LEAST_MB = 5, 500
@@ -32,8 +32,9 @@ def plan_study(home: Path, study: str, rows: list[Row], only: list[str]) -> Path
     runs: list[dict[str, Any]] = []
     jobs: dict[str, dict[str, Any]] = {}
     made_by: dict[str, str] = {}  # record of the first run with these numbers, by digest
+    compared = len({row.ranks for row in rows}) > 1
     for row in rows:
-        about = _description(home, study, row)
+        about = describe(home, study, row, compared)
         runs.append(about)
         if only and row.run not in only:
             continue
@@ -41,7 +42,12 @@ def plan_study(home: Path, study: str, rows: list[Row], only: list[str]) -> Path
             if not outcome_is_there(about):
                 jobs[str(record_path(Path(about["out"]), OUTCOME))] = _outcome_job(about)
             continue
-        _add_jobs(jobs, made_by, open_row(home, study, row), about)
+        try:
+            run = run_of(about)
+            run.check(row.until)
+        except StageError as error:
+            raise StageError(f"run {row.run}: {error}") from None
+        _add_jobs(jobs, made_by, run, about)
     return _write(home, study, runs, jobs)
 
 
@@ -50,7 +56,7 @@ def plan_scene(folder: Path, level: str, ranks: int) -> Path:
     run = open_run(folder, level)
     run.check("report")
     row = Row(folder.name, level, ranks, "report")
-    about = _description(folder, "", row) | {"out": str(run.out)}
+    about = describe(folder, "", row) | {"out": str(run.out)}
     jobs: dict[str, dict[str, Any]] = {}
     _add_jobs(jobs, {}, run, about)
     return _write(folder, f"run_{level}", [about], jobs)
@@ -64,7 +70,7 @@ def has_jobs(plan: Path) -> bool:
 def clear_records(plan: Path) -> None:
     """Remove the stale records of a plan: Snakemake makes what is missing."""
     for record in STUDY_PLAN.read(plan)["jobs"]:
-        Path(record).unlink(missing_ok=True)
+        forget(Path(record).parents[1], Path(record).stem)
 
 
 def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = False) -> None:
@@ -77,10 +83,12 @@ def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = Fa
         make_stage(run_of(about), stage, machine, quiet=True)
 
 
-def _description(home: Path, study: str, row: Row) -> dict[str, Any]:
+def describe(home: Path, study: str, row: Row, compared: bool = False) -> dict[str, Any]:
+    """The row of a study of the scene in `home`, with its folders; `compared`: by its ranks too."""
     out = home / "out" / "studies" / study / row.run
     folder = os.path.normpath(home / row.scene)
     about = {key: value for key, value in vars(row).items() if key != "scene"}
+    about |= {"compared_ranks": row.ranks if compared else None}
     return about | {"folder": folder, "out": str(out)}
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
-from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import FEA, TARGETS
 
 _OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
@@ -34,18 +32,6 @@ class Row:
     may_fail: bool = False
 
 
-def open_row(home: Path, study: str, row: Row) -> Run:
-    """The run of a row of a study of the scene in `home`. StageError where it is refused."""
-    folder = Path(os.path.normpath(home / row.scene))
-    out = home / "out" / "studies" / study / row.run
-    try:
-        run = open_run(folder, row.level, row.overrides, out)
-        run.check(row.until)
-    except StageError as error:
-        raise StageError(f"run {row.run}: {error}") from None
-    return run
-
-
 def read_study(path: Path) -> list[Row]:
     """Rows of a study table (docs/formats.md). Raises StageError with file, row and key."""
     try:
@@ -58,6 +44,8 @@ def read_study(path: Path) -> list[Row]:
     reader = csv.DictReader(lines, skipinitialspace=True)
     header = [name.strip() for name in reader.fieldnames or ()]
     reader.fieldnames = header
+    if twice := next((name for name in header if header.count(name) > 1), None):
+        raise StageError(f"{path}: column {twice!r} occurs twice; remove one")
     unknown = [c for c in header if c not in _OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
     if "run" not in header or unknown:
         raise StageError(
@@ -78,10 +66,7 @@ def read_study(path: Path) -> list[Row]:
 
 def _row(path: Path, record: dict[str | None, Any]) -> Row:
     name = (record.get("run") or "").strip()
-    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
-        raise StageError(
-            f"{path}: run = {name!r}: give a name of letters, digits, '_', '-' and '.'"
-        )
+    check_name(name, f"{path}: run")
     if record.get(None):
         raise StageError(
             f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes"
@@ -105,6 +90,12 @@ def _row(path: Path, record: dict[str | None, Any]) -> Row:
         cells.get("scene", "."),
         may_fail == "yes",
     )
+
+
+def check_name(name: str, key: str) -> None:
+    """StageError where a name could be no folder of its own."""
+    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
+        raise StageError(f"{key} = {name!r}: give a name of letters, digits, '_', '-' and '.'")
 
 
 def parse_cell(text: str) -> Any:

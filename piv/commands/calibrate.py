@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     use.add_argument("--vectors", type=Path, help="plane (series) in px, .h5")
     use.add_argument("--interval", type=float, help="time between the exposures of a pair, s")
     use.add_argument("--image", help="an image to rectify")
-    parser.add_argument("--quiet", action="store_true")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:

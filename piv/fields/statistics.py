@@ -76,13 +76,13 @@ class _Batches:
         if not self.levels:
             return 1.0  # no instant at all
         level = max((k for k, made in enumerate(self.made) if made >= LEAST_BATCHES), default=0)
-        variance = [_variance(*self.levels[k]) for k in (0, level)]
+        variance = [_variance(*self.levels[k][::2]) for k in (0, level)]
         if not variance[0] > 0:
             return 1.0
         return max(1.0, float(2**level * variance[1] / variance[0]))
 
 
-def _variance(number: ndarray, mean: ndarray, squares: ndarray) -> float:
+def _variance(number: ndarray, squares: ndarray) -> float:
     good = number > 1
     return float(np.mean(squares[good] / (number[good] - 1))) if good.any() else 0.0
 
@@ -117,9 +117,7 @@ def statistics(
     if not (labels >= 0).any():
         raise ValueError("no instant is in any group")
     if (most := int(np.bincount(labels[labels >= 0]).max())) < least:
-        raise ValueError(
-            f"a mean needs {least} instants, and there are {most} at most in a group (least)"
-        )
+        raise ValueError(f"a mean needs at least {least} instants; the largest group has {most}")
     number = int(labels.max()) + 1 if centres is None else len(centres)
     shape = (series.sizes["y"], series.sizes["x"])
     step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / SAMPLED))))

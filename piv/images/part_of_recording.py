@@ -92,6 +92,8 @@ def part_of_recording(
     .toml, polygons that move (docs/piv_guide.md). ValueError where the masks do not fit.
     """
     masks = _open_masks(mask, recording) if mask is not None else None
+    if roi is not None and masks is not None and masks.roi is not None:
+        raise ValueError(f"{mask}: this file holds a region of interest too; give one of the two")
     region = _roi_px(roi, roi_unit, recording) if roi is not None else masks.roi if masks else None
     if masks is None and region is None:
         return recording

@@ -58,7 +58,6 @@ class Seeding:
         float, "peak of a mean particle in the middle of the sheet, part of the grey scale"
     ] = 0.7
     shadow: Annotated[float, "part of the light from below that the body takes away, 0 to 1"] = 0.0
-    bead_diameter: Annotated[float, "diameter of the particles, m"] = 20e-6
 
     def __post_init__(self) -> None:
         for name in ("density_ppp", "diameter_px", "sheet_thickness", "peak"):

@@ -15,7 +15,7 @@ from postprocess.evidence.vortex_pairs import rms
 
 # m of gap between tip and plane, as of the findings; nearer the fitted cores overlap
 APPROACH = (0.020, 0.005)
-_AFTER = 0.15  # s after contact
+AFTER = 0.15  # s after contact
 _BEFORE = 0.25  # s before it: a vortex of an opening stroke is older
 _Numbers = dict[str, float | None]
 
@@ -54,7 +54,7 @@ def _source_numbers(
         k = int(lines[column].abs().idxmax())
         out[f"{name}_peak"] = float(lines[column][k])
         out[f"{name}_peak_time"], out[f"{name}_peak_gap"] = float(lines["time"][k]), float(gap[k])
-    then = lines[lines["time"].between(met, met + _AFTER)] if met is not None else lines[:0]
+    then = lines[lines["time"].between(met, met + AFTER)] if met is not None else lines[:0]
     out["jet_peak_after_contact"] = _number(then["jet_speed"].max())
     rows = pairs[pairs["time"].isin(approach)]
     size = 0.5 * (pairs["circulation_0"].abs() + pairs["circulation_1"].abs())
@@ -96,7 +96,7 @@ def integral_numbers(
             then = _at(dorsal, "circulation", time)
             out["ventral_part"] = None if then is None else peak / then
         out["ventral_rise_peak"] = _number(since["between"].max())
-    contact, after = (None, None) if met is None else (met, met + _AFTER)
+    contact, after = (None, None) if met is None else (met, met + AFTER)
     for name, when in (("at_contact", contact), ("after", after)):
         out[f"dorsal_circulation_{name}"] = _at(dorsal, "circulation", when)
         out[f"ventral_circulation_{name}"] = _at(ventral, "circulation", when)

@@ -48,8 +48,8 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         else "Pressure and water make the finger's motion together: the loads of the run before"
         " bend it (docs/coupling.md)."
         if scene["motion"]["shapes"]
-        else "The finger's motion is prescribed; the water does not bend it. What the loads on it"
-        " would bend is said at the head of the page."
+        else "The finger's motion is prescribed; the water does not bend it. The head of the page"
+        " states how far the loads on it would bend it."
     )
     surface = (
         f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the {name} could raise"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from postprocess.compare.pinch_summary import APPROACH
+from postprocess.compare.pinch_summary import AFTER, APPROACH
 from postprocess.evidence.half_planes import BELOW, names_at
+from postprocess.evidence.pair_integrals import LATE
 from postprocess.words import PAIRS, quantity
 
 OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))
+_LATER = f"{AFTER:g} s after contact"
 _JET = [
     row
     for depth in BELOW
@@ -36,20 +38,21 @@ _ROWS = (
     ),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s"),
     (
-        "dorsal pair: circulation of each, 0.15 s after contact",
+        f"dorsal pair: circulation of each, {_LATER}",
         "dorsal_circulation_after",
         "m²/s",
     ),
     (
-        "dorsal pair: distance from the plane between, 0.15 s after contact",
+        f"dorsal pair: distance from the plane between, {_LATER}",
         "dorsal_from_plane_after",
         "m",
     ),
-    ("dorsal pair: height, 0.15 s after contact", "dorsal_y_after", "m"),
+    (f"dorsal pair: height, {_LATER}", "dorsal_y_after", "m"),
     ("ventral pair: forms at", "ventral_forms_time", "s"),
     ("ventral pair: gap at which it forms", "ventral_forms_gap", "m"),
     (
-        "ventral pair: circulation of each at its peak (–: still growing 0.3 s after contact)",
+        "ventral pair: circulation of each at its peak"
+        f" (–: still growing {LATE:g} s after contact)",
         "ventral_circulation_peak",
         "m²/s",
     ),
@@ -59,14 +62,14 @@ _ROWS = (
         "fraction",
     ),
     (
-        "ventral pair: circulation of each, 0.15 s after contact",
+        f"ventral pair: circulation of each, {_LATER}",
         "ventral_circulation_after",
         "m²/s",
     ),
     ("ventral pair: upward flow between, at its fastest", "ventral_rise_peak", "m/s"),
-    ("half plane: circulation, 0.15 s after contact", "half_circulation_after", "m²/s"),
+    (f"half plane: circulation, {_LATER}", "half_circulation_after", "m²/s"),
     (
-        "half plane: vertical impulse per depth and density, 0.15 s after contact",
+        f"half plane: vertical impulse per depth and density, {_LATER}",
         "half_impulse_after",
         "m³/s",
     ),
@@ -87,7 +90,7 @@ _ROWS = (
     (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m"),
     ("downward jet at its fastest", "jet_peak", "m/s"),
     ("upward flow at its fastest", "rise_peak", "m/s"),
-    ("downward jet within 0.15 s after contact", "jet_peak_after_contact", "m/s"),
+    (f"downward jet within {_LATER}", "jet_peak_after_contact", "m/s"),
     ("pressure between the tips, extreme", "pressure_gap_peak", "Pa"),
     ("largest pressure at the tips", "pressure_tip_max_peak", "Pa"),
     ("least pressure at the tips", "pressure_tip_min_peak", "Pa"),
@@ -105,9 +108,9 @@ def pinch_table(numbers: dict[str, Any]) -> tuple[list[str], list[tuple[str, lis
     return [PAIRS[source] for source in sources], rows
 
 
-def _cell(values: dict[str, float | None], key: str, unit: str) -> str:
+def _cell(values: dict[str, Any], key: str, unit: str) -> str:
     """The value with the time and gap of a peak; "–" where the source does not measure it."""
     text, at = quantity(values.get(key), unit), values.get(f"{key}_time")
     if values.get(key) is None or at is None:
         return text
-    return f"{text} at {at:.3f} s, {(values[f'{key}_gap'] or 0.0) * 1e3:.2f} mm of gap"
+    return f"{text} at {at:.3f} s, {values[f'{key}_gap'] * 1e3:.2f} mm of gap"

@@ -93,10 +93,15 @@ def _data_uri(path: Path) -> str:
     return f"data:{_MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
+def _records(out: Path) -> list[dict[str, Any]]:
+    """The records of the stages before the report, in their order."""
+    records = (read_record(out, stage.name) for stage in STAGES if stage.name != "report")
+    return [dict(record) for record in records if record]
+
+
 def _numbers(out: Path) -> dict[str, Any]:
     """The numbers of the scene that the stages before have used, by dotted key."""
-    records = (read_record(out, stage.name) for stage in STAGES if stage.name != "report")
-    return {k: v for r in records if r for k, v in r["made_from"]["numbers"].items()}
+    return {k: v for r in _records(out) for k, v in r["made_from"]["numbers"].items()}
 
 
 def _costs(out: Path, solver_time: float) -> list[dict[str, Any]]:
@@ -104,8 +109,7 @@ def _costs(out: Path, solver_time: float) -> list[dict[str, Any]]:
 
     A resumed run records its last part alone, so its time is at least `solver_time` (s).
     """
-    records = (read_record(out, stage.name) for stage in STAGES if stage.name != "report")
-    costs = [dict(record) for record in records if record]
+    costs = _records(out)
     for cost in costs:
         if cost["stage"] == "run":
             cost["wall_time"] = max(cost["wall_time"], solver_time)

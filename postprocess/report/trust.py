@@ -11,7 +11,7 @@ from postprocess.words import NBSP, quantity
 _ERRORS = {
     "error_dorsal": "circulation on the dorsal side of the tip",
     "error_circulation": "circulation of the tip vortex",
-    "error_centre": "place of the tip vortex (of a tip's width)",
+    "error_centre": "place of the tip vortex relative to the tip's width",
     "error_velocity": "velocity in the sheet",
     "error_force": "force on the finger",
 }

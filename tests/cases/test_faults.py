@@ -1,4 +1,4 @@
-"""A small version of `make faults` and `make stability`: kills, two makes, full disk; endings."""
+"""Small `make faults` and tests.studies.stability: kills, two makes, full disk; endings."""
 
 import shutil
 
@@ -72,7 +72,8 @@ BEYOND = {"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.
 )
 def test_a_run_ends_in_one_of_three_ways(solved, tmp_path, changes, ended, words):
     scene = str(solved[0] / "cases" / SCENE)
-    planned = {"run": "axis_", "axis": "axis", "value": "", "level": "tiny", "ranks": 1}
+    planned = {"run": "axis_", "axis": "axis", "value": "", "level": "tiny", "ranks": 1,
+               "compared_ranks": None}  # fmt: skip
     planned |= {"overrides": TINY | changes, "folder": scene, "out": str(tmp_path), "until": "run"}
     write_outcome(planned, Machine())
     judged = result(planned)

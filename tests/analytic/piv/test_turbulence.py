@@ -61,10 +61,11 @@ def test_divergence_has_a_fifth_of_the_mean_square_of_vorticity():
 
 
 @pytest.mark.parametrize("rms, noise", [(0.8, 0.05), (0.3, 0.05), (0.8, 0.01), (0.3, 0.01)])
-def test_smoothing_does_no_harm_and_the_uncertainty_holds(rms, noise):
+def test_smoothing_helps_and_the_uncertainty_holds(rms, noise):
     smooth, std, _ = errors(rms, noise)
     plain, _, _ = errors(rms, noise, smoothing=False)
-    assert size(smooth) <= size(plain)  # it was larger by 12-14 % where bands were judged together
+    # 0.970, 0.973, 0.992 and 0.973 of it; without smoothing it would be 1
+    assert size(smooth) < 0.995 * size(plain)
     cover = np.mean((np.abs(smooth) < std)[np.isfinite(smooth)])
     assert 0.58 < cover < 0.80  # 60-76 % asked; one picture scatters by ±2 %
 

@@ -1,6 +1,6 @@
 """PIV where it becomes worse: short waves, few particles, walls, edges, real pictures.
 
-python -m tests.studies.piv.limits [--docs]   (make piv-limits) Own results only, seeds 3101 and up,
+python -m tests.studies.piv.limits [--docs]   Own results only, seeds 3101 and up,
 which served no tuning; --docs writes them into docs/piv_benchmarks.md.
 """
 

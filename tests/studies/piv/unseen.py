@@ -1,4 +1,4 @@
-"""Flows that served no tuning, with their own seeds (make piv-limits).
+"""Flows that served no tuning, with their own seeds (python -m tests.studies.piv.unseen).
 
 Own results only; --docs writes the table into docs/piv_benchmarks.md.
 """

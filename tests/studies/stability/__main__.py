@@ -1,4 +1,4 @@
-"""`make stability`: runs and images at the extremes; tables, maps and page of the docs.
+"""Runs and images at the extremes (python -m tests.studies.stability); the page of the docs.
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1.

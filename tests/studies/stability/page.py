@@ -1,4 +1,4 @@
-"""Page docs/stability.md and its maps, from the tables of `make stability`, `faults` and `fuzz`."""
+"""Page docs/stability.md and its maps, from the studies stability, faults and fuzz."""
 
 from __future__ import annotations
 

@@ -13,9 +13,11 @@ import numpy as np
 
 from fileio.errors import StageError
 from fileio.record import read_record
+from pipeline.runs.run import run_of
 from pipeline.runs.stages import until
 from pipeline.scene.scene import Scene
-from pipeline.study.rows import open_row, read_study
+from pipeline.study.plan import describe
+from pipeline.study.rows import read_study
 
 CASES = Path(__file__).resolve().parents[3] / "cases" / "validation"
 RECORDED = ("cells", "time_step", "steps", "end_time", "courant_max", "continuity_max")
@@ -46,7 +48,7 @@ def record_of(scene: Scene) -> dict[str, Any]:
 def solved(row: str, study: str = "validation") -> Scene:
     """The scene of a row of a study, with its run; StageError where that is not there or stale."""
     rows = {one.run: one for one in read_study(CASES / "studies" / f"{study}.csv")}
-    run = open_row(CASES, study, rows[row])
+    run = run_of(describe(CASES, study, rows[row]))
     for stage, why in run.stale("sheet").items():
         raise StageError(f"{run.out}: {stage}: {why}; run make validate, which makes the runs")
     return run.scene

@@ -145,3 +145,11 @@ def test_overrides_are_the_scene_with_another_number(tmp_path) -> None:
     assert run.out == tmp_path / "place"
     assert run.digest("sheet") == Run(other).digest("sheet")
     assert run.digest("kinematics") == Run(scene).digest("kinematics")
+
+
+def test_ranks_count_where_a_study_compares_them() -> None:
+    """Then the solver's result and all that is made of it differ; without them none does."""
+    scene = scenes()["single_finger"]
+    one, two = Run(scene, ranks=1), Run(scene, ranks=2)
+    differ = {stage.name for stage in STAGES if one.digest(stage.name) != two.digest(stage.name)}
+    assert differ == set(OF_CASE) - {"case"}

@@ -1,4 +1,7 @@
-"""A small fuzz of every reader, the same inputs each time; `make fuzz` tries a hundred thousand."""
+"""A small fuzz of every reader, the same inputs each time.
+
+`python -m tests.studies.fuzz` tries a hundred thousand.
+"""
 
 import random
 
@@ -49,7 +52,7 @@ def test_a_file_that_the_library_never_finishes_is_refused(tmp_path, monkeypatch
 
 
 def test_drawn_scenes_are_accepted_or_refused_in_one_sentence():
-    """The same forty each time; `make fuzz` draws two thousand."""
+    """The same forty each time; `python -m tests.studies.fuzz` draws two thousand."""
     counts = count_outcomes(40)
     assert counts["refused"] > 10
     # 15 in 100 are accepted (docs/stability/scenes.csv); every new key changes the drawn scenes

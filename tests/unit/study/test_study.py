@@ -10,9 +10,10 @@ import pytest
 from fileio.errors import StageError
 from fileio.record import read_record
 from pipeline.runs.make import Machine, make
+from pipeline.runs.run import run_of
 from pipeline.study.outcome import write_outcome
-from pipeline.study.plan import plan_study, run_job
-from pipeline.study.rows import open_row, read_study
+from pipeline.study.plan import describe, plan_study, run_job
+from pipeline.study.rows import read_study
 from tests.conftest import ROOT, write_scene
 
 HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
@@ -44,7 +45,7 @@ def test_rows_become_runs_that_differ_in_what_the_table_says(tmp_path: Path) -> 
     rows = 'fine, tiny, run, 2, , 5e-4, , \nwide, tiny, vortices, , , , half, "[0.01, 0.2]"\n'
     fine, wide = read_study(table(scene.folder, rows))
     assert (fine.ranks, fine.until, wide.ranks, wide.until) == (2, "run", 1, "vortices")
-    runs = [open_row(scene.folder, "trial", row) for row in (fine, wide)]
+    runs = [run_of(describe(scene.folder, "trial", row)) for row in (fine, wide)]
     assert runs[0].scene.numerics.time_step == 5e-4
     assert (runs[1].scene.model.kind, runs[1].scene.camera.centre) == ("half", (0.01, 0.2))
     assert runs[0].scene.mesh == runs[1].scene.mesh == scene.mesh
@@ -88,7 +89,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
     path = tmp_path / "s.csv"
     path.write_text("run, level, until, actuator.width\nthin, smoke, kinematics, 0.02\n")
     (row,) = read_study(path)
-    run = open_row(ROOT / "cases" / "single_finger", "s", row)
+    run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
     assert list(run.stale("kinematics")) == ["fea", "kinematics"]
     assert (run.scene.folder / run.scene.motion.states).resolve() == (
         run.out / "states.h5"
@@ -118,6 +119,14 @@ def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str
     assert "\n" not in str(error.value)
 
 
+def test_a_column_that_occurs_twice_is_refused(tmp_path: Path) -> None:
+    """The last one would win without a word."""
+    path = tmp_path / "s.csv"
+    path.write_text("run, fluid.density, fluid.density\na, 1000, 900\n")
+    with pytest.raises(StageError, match=r"'fluid\.density' occurs twice"):
+        read_study(path)
+
+
 def test_unknown_columns_are_refused(tmp_path: Path) -> None:
     """A column is one of the table's own, or a dotted key."""
     path = tmp_path / "s.csv"
@@ -131,7 +140,7 @@ def test_every_row_of_a_shipped_study_is_a_run(path: Path) -> None:
     """A slip in a table is found here, not after the runs before it; some rows may be refused."""
     for row in read_study(path):
         try:
-            open_row(path.parents[1], path.stem, row)
+            run_of(describe(path.parents[1], path.stem, row))
         except StageError:
             assert row.may_fail, row.run
 
@@ -149,7 +158,7 @@ def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) ->
     scene = write_scene(tmp_path / "small")
     out = tmp_path / "place"
     about = {"folder": str(scene.folder), "level": "tiny", "overrides": {key: value},
-             "out": str(out), "until": "mesh", "ranks": 1}  # fmt: skip
+             "out": str(out), "until": "mesh", "ranks": 1, "compared_ranks": None}  # fmt: skip
     write_outcome(about, Machine())
     record = read_record(out, "outcome")
     assert record is not None
@@ -159,8 +168,8 @@ def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) ->
 
 def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
     """A limit on the time of a stage ends it with a sentence."""
-    run = open_row(ROOT / "cases" / "single_finger", "s", read_study(
-        table(tmp_path, "a, coarse, mesh, 1, , , , \n"))[0])  # fmt: skip
+    (row,) = read_study(table(tmp_path, "a, coarse, mesh, 1, , , , \n"))
+    run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
     with pytest.raises(StageError, match="is not over after"):
         make(run, "mesh", Machine(), quiet=True, longest=0.01)
 
