@@ -13,6 +13,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 # m; an actuator of a metre is millimetres misread
 Length = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
+Elements = Annotated[Count, Field(le=20)]  # along one dimension
+_MOST_STATES = 1000
 
 
 class _Frozen(BaseModel):
@@ -53,7 +55,7 @@ class Materials(_Frozen):
 class Actuator(_Frozen):
     """Geometry of the bidirectional actuator (paper, Fig. 2), in m, by the paper's names."""
 
-    chambers: Count
+    chambers: Annotated[Count, Field(le=50)]
     """n, number of chambers"""
     wedge_deg: Annotated[float, Field(ge=0, le=45)]
     """θ, of the chambers' upper part [deg]"""
@@ -117,21 +119,21 @@ class Actuator(_Frozen):
 class UnitCellMesh(_Frozen):
     """Numbers of second-order elements of the unit cell over each dimension."""
 
-    cavity: Count = 2
+    cavity: Elements = 2
     """Elements over half the cavity's length"""
-    wall: Count = 1
+    wall: Elements = 1
     """Elements over l1, b1 and roof"""
-    gap: Count = 1
+    gap: Elements = 1
     """Elements over half the gap"""
-    base: Count = 1
+    base: Elements = 1
     """Elements over b2"""
-    bridge: Count = 1
+    bridge: Elements = 1
     """Elements over the air channel and its roof"""
-    side: Count = 2
+    side: Elements = 2
     """Elements from the bridge up to h2"""
-    wedge: Count = 1
+    wedge: Elements = 1
     """Elements from h2 up to h1"""
-    span: Count = 3
+    span: Elements = 3
     """Elements over half the cavity's width"""
 
     def refined(self, factor: float) -> UnitCellMesh:
@@ -197,10 +199,12 @@ class Fea(_Frozen):
 
     @model_validator(mode="after")
     def _three_states(self) -> Fea:
-        if len(self.pressures) < 3:
+        span = self.last_pressure_kpa - self.first_pressure_kpa
+        if not 2 <= round(span / self.pressure_step_kpa) <= _MOST_STATES:
             raise ValueError(
-                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa gives fewer than"
-                " three states: give a smaller step"
+                "first_pressure_kpa to last_pressure_kpa by pressure_step_kpa ="
+                f" {self.pressure_step_kpa:g} gives fewer than three or more than {_MOST_STATES}"
+                f" states: give a step from {span / _MOST_STATES:g} to {span / 2:g}"
             )
         if (self.engine == "import") != (self.results is not None):
             raise ValueError(

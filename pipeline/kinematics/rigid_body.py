@@ -10,8 +10,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from fileio.errors import StageError
 from pipeline.kinematics.pressure_law import history_law, measured_table
+from pipeline.kinematics.shape_checks import check_motion, check_number
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
 
@@ -86,7 +86,7 @@ def measured_path(path: Path, end_time: float) -> Distance:
 
 
 def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5; StageError where the body does not move."""
+    """Variables and attributes of kinematics.h5; StageError: no motion, or too many shapes."""
     law = motion.displacement or motion.rotation
     if law:
         path = travelled(law, motion.end_time)
@@ -94,11 +94,9 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
         path = measured_path(where.parent / str(motion.path_csv), motion.end_time)
     distance = (np.radians(1.0) if motion.rotation else 1.0) * path.distance
     low, high = float(distance.min()), float(distance.max())
-    if high - low < 1e-12:
-        raise StageError(
-            f"{where}: the body never moves; motion.end_time must exceed the law's start"
-        )
+    check_motion((high - low) * (0.5 * body.size if motion.rotation else 1.0), body.size, where)
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
+    check_number((high - low) / step, "motion.path_step", step, where)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     centre = np.asarray(body.centre)
     direction = _turned(np.array([1.0, 0.0]), np.radians(law.direction_deg if law else 0.0))

@@ -14,6 +14,8 @@ from pipeline.scene.sections import Tank
 
 _ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
 _GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips stop
+_LEAST_MOTION = 1e-3  # of the body's length: the flow of less is none that PIV sees
+_MOST_SHAPES = 400  # a minute or more of meshing; shipped scenes have 10 to 80
 
 
 def check_shapes(
@@ -59,6 +61,25 @@ def _fault(
         if polygon.intersects(block):
             return "touches the support", "; raise support.bottom"
     return None
+
+
+def check_motion(moved: float, length: float, where: Path) -> None:
+    """StageError where a tip or body moves (m) by next to nothing of its `length` (m)."""
+    if not moved >= _LEAST_MOTION * length:
+        raise StageError(
+            f"{where}: [motion] moves the body by {moved:.3g} m until motion.end_time, less than"
+            f" {_LEAST_MOTION:g} of its length: the water would stand still; give a larger or an"
+            " earlier change"
+        )
+
+
+def check_number(count: float, key: str, step: float, where: Path) -> None:
+    """StageError where the shapes at steps of `step` in `key` are too many to be meshed."""
+    if count > _MOST_SHAPES:
+        raise StageError(
+            f"{where}: {key} = {step:.3g} makes {count:.3g} shapes of the motion, more than"
+            f" {_MOST_SHAPES}; give at least {step * count / _MOST_SHAPES:.3g}"
+        )
 
 
 def check_body(shapes: np.ndarray, tank: Tank, where: Path) -> None:

@@ -12,7 +12,7 @@ from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
 from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
 from pipeline.kinematics.rigid_body import rigid_values
-from pipeline.kinematics.shape_checks import check_body, check_shapes
+from pipeline.kinematics.shape_checks import check_body, check_motion, check_number, check_shapes
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
@@ -100,6 +100,8 @@ def kinematics_values(scene: Scene) -> dict[str, Any]:
         bend_step = np.radians(motion.max_bend_step_deg) / 2
         values = _finger_values(finger, motion.end_time, bend_step, scene.pinch)
         outlines, bends = values["shape_outline"], values["shape_bend"]
+        check_motion(float(np.ptp(values["shape_tip"], axis=0).max()), scene.finger.length, where)
+        check_number(len(bends), "motion.max_bend_step_deg", motion.max_bend_step_deg, where)
         check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
     finger_length = scene.finger.length + scene.finger.tip.length
     length = scene.body.size if scene.body is not None else finger_length

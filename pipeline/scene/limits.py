@@ -6,6 +6,7 @@ raises ValueError with the key, the reason and the nearest value that works.
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +23,12 @@ _MAX_SHEET_POINTS = 5e7
 MAX_DISK = 1e13  # bytes
 MAX_CPU = 3e8  # s: ten years
 _FEWEST_PICTURES = 4  # of the sheet: a pair for PIV, and a change between two of its fields
+_FEWEST_FIELDS = 2  # of PIV
+_FEWEST_PARTICLES = 2  # in a window of PIV: with fewer no vector is right
+_LONGEST_RUN = 600.0  # s of a finger's motion, whose pressure is sampled 4000 times a second
+_LONGEST_INTERVAL = 10  # between two frames of the camera, in pictures of the sheet
+_PERIOD_STEPS = 8  # time steps in a period of a rigid body
+_RUBBER = (1e3, 1e12)  # Pa, E I over I of the finger's section: softest gel, stiffest solid
 _FINEST = 1e-3  # of the finger's thickness: smaller cells resolve nothing of it
 # key: least, most, unit, the unit by mistake, of water; liquid metals to honey
 _LIQUIDS = {
@@ -38,8 +45,9 @@ def check_scene(scene: Any) -> None:
         _check_fluid(scene.fluid)
         _check_mesh(scene)
     _check_times(scene)
-    _check_strokes(scene)
+    _check_motion(scene)
     _check_pictures(scene)
+    _check_fields(scene)
     _check_sizes(scene)
 
 
@@ -112,10 +120,24 @@ def _check_finger(scene: Any) -> None:
         )
     for key, value, low, high, why in rows:
         _within(f"finger.{key}", value, low, high, " m", why)
+    if scene.structure.bending_stiffness is not None:
+        low, high = (e * finger.width * thick**3 / 12 for e in _RUBBER)
+        key, why = "structure.bending_stiffness", "that of no solid of the finger's section"
+        _within(key, scene.structure.bending_stiffness, low, high, " N m²", why)
 
 
-def _check_strokes(scene: Any) -> None:
+def _check_motion(scene: Any) -> None:
     motion, step = scene.motion, scene.numerics.time_step
+    for name in ("displacement", "rotation"):
+        law = getattr(motion, name)
+        short = f"too short for numerics.time_step = {step:g} s"
+        for key, least in (("smoothing", 1), ("period", _PERIOD_STEPS)) if law else ():
+            value = getattr(law, key)
+            if value is not None:
+                _within(f"motion.{name}.{key}", value, least * step, np.inf, " s", short)
+    if scene.body is None:
+        why = "longer than any stroke of a finger"
+        _within("motion.end_time", motion.end_time, 0, _LONGEST_RUN, " s", why)
     if not motion.strokes:
         return
     short = f"less than four of numerics.time_step = {step:g} s"
@@ -189,6 +211,7 @@ def _check_pictures(scene: Any) -> None:
             " m; give a centre in it"
         )
     levels, side = 2**camera.bits, min(camera.columns, camera.rows)
+    least = 100 / levels  # the shot noise of the brightest is then a tenth of the levels
     bright = f"as bright as camera.bits = {camera.bits} can show"
     noisy = f"too much of the {levels} levels to see particles"
     sparse = "too much to put eight vectors into the picture"
@@ -201,10 +224,37 @@ def _check_pictures(scene: Any) -> None:
         ("vortices.stencil_radius", radius, quarter, " m", "over a quarter of the picture"),
     ):
         _within(key, value, 0, most, unit, why)
+    if camera.electrons_per_level > 0:
+        key = "camera.electrons_per_level"
+        _within(key, camera.electrons_per_level, least, np.inf, "", noisy)
+    few = f"fewer than {_FEWEST_PARTICLES} particles in a window of piv.window = {piv.window} px"
+    least = _FEWEST_PARTICLES / piv.window**2
+    _within("camera.density_ppp", camera.density_ppp, least, np.inf, "", few)
     if camera.pairs_every > 1 and piv.frames > 2:
         raise ValueError(
             f"piv.frames = {piv.frames} needs every frame; give camera.pairs_every = 1, or"
             " piv.frames = 2"
+        )
+
+
+def _check_fields(scene: Any) -> None:
+    """The number of PIV's vector fields, as piv.sequence takes them of the camera's frames."""
+    camera, sheet, piv = scene.camera, scene.sheet, scene.piv
+    rate = camera.frame_rate_hz or sheet.rate_hz
+    slow = f"fewer frames than one in {_LONGEST_INTERVAL} pictures of the sheet"
+    _within("camera.frame_rate_hz", rate, sheet.rate_hz / _LONGEST_INTERVAL, np.inf, " Hz", slow)
+    step = scene.numerics.time_step
+    pictures = round(scene.motion.end_time / step) // scene.numerics.sampling_steps(sheet.rate_hz)
+    frames = math.floor((pictures - 1) / sheet.rate_hz * rate + 1e-6) + 1
+    every = camera.pairs_every
+    pairs = frames // every + (frames % every > 1) if every > 1 else frames - piv.frames + 1
+    fields = -(-pairs // piv.every)
+    if fields < _FEWEST_FIELDS:
+        raise ValueError(
+            f"the camera takes {frames} frames, of which camera.pairs_every = {every}, piv.frames ="
+            f" {piv.frames} and piv.every = {piv.every} make {max(fields, 0)} vector fields, fewer"
+            f" than {_FEWEST_FIELDS}; lower these, raise sheet.rate_hz = {sheet.rate_hz:g}, or"
+            " give a later motion.end_time"
         )
 
 

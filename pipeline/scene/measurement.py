@@ -23,7 +23,7 @@ class Sheet(Section):
     """Of the grid that the flow is sampled on [m]"""
     margin: Positive = 0.006
     """Beyond the camera's view, so that particles that enter it come from somewhere [m]"""
-    thickness: Annotated[Positive, Field(le=0.05)] = 0.0015
+    thickness: Annotated[Number, Field(ge=1e-4, le=0.05)] = 0.0015
     """Full width at 1/e² [m]"""
 
 

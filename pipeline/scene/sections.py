@@ -268,7 +268,7 @@ class Mesh(Section):
     """Thickness along z of the layers beside the finger's side edge [m]"""
     sheet_layer: Positive = 2.3e-3
     """Largest thickness along z between the side edges: what the sheet's vortex needs [m]"""
-    layer_growth: Annotated[Number, Field(gt=1, le=5)] = 1.5
+    layer_growth: Annotated[Number, Field(ge=1.02, le=5)] = 1.5
     """Of the layers along z with the distance from the edge"""
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
     """Growth of cells with the distance from the wall's; 0: they jump to wall_cell"""

@@ -1,11 +1,13 @@
 """A scene that cannot be is refused before anything runs, with the key and a value that works."""
 
 import re
+import time
 from pathlib import Path
 
 import pytest
 
 from fileio.errors import StageError
+from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import ROOT
 
@@ -85,6 +87,24 @@ NONSENSE = [
     ("[motion]\nend_time = 1e9", ["numerics.time_step", "steps"]),
     ('mesh = "fine"', ["mesh", "got 'fine'"]),
     ("body = 3", ["body", "got 3"]),
+    # accepted and meaningless before
+    ("[structure]\nbending_stiffness = 1e-12", ["structure.bending_stiffness", "at least 7.11e-06"]),
+    (
+        "[piv]\nframes = 99\n[camera]\npairs_every = 1\n[sheet]\nrate_hz = 100.0",
+        ["piv.frames = 99", "42 frames", "0 vector fields", "fewer than 2"],
+    ),
+    ("[piv]\nevery = 10000", ["piv.every = 10000", "1 vector fields"]),
+    ("[camera]\npairs_every = 10000", ["camera.pairs_every = 10000", "1 vector fields"]),
+    ("[sheet]\nrate_hz = 10.0", ["sheet.rate_hz = 10", "1 vector fields"]),
+    ("[camera]\nframe_rate_hz = 7.3", ["camera.frame_rate_hz = 7.3 Hz", "at least 50"]),
+    ("[camera]\ndensity_ppp = 1e-9", ["camera.density_ppp", "particles in a window", "0.00195"]),
+    ("[camera]\nelectrons_per_level = 1e-9", ["camera.electrons_per_level", "at least 0.39"]),
+    ("[sheet]\nthickness = 1e-12", ["sheet.thickness", "0.0001"]),
+    ("[mesh]\nlayer_growth = 1.0000001", ["mesh.layer_growth", "1.02"]),
+    (
+        "[motion]\nend_time = 1e6\n[numerics]\ntime_step = 20.0\nwrite_interval = 20.0\n[sheet]\nrate_hz = 0.05",
+        ["motion.end_time = 1e+06 s", "at most 600"],
+    ),
 ]  # fmt: skip
 
 
@@ -128,11 +148,52 @@ def test_nonsense_is_refused_before_anything_runs(tmp_path, parent, more, words)
 
 @pytest.mark.parametrize("rate", [1.0, 2.0, 5.0])
 def test_the_rate_that_is_asked_for_is_accepted(tmp_path, rate):
+    every = "[camera]\npairs_every = 1"
     with pytest.raises(StageError) as caught:
-        smoke(tmp_path / "bad", f"[sheet]\nrate_hz = {rate}")
+        smoke(tmp_path / "bad", f"{every}\n[sheet]\nrate_hz = {rate}")
     asked = re.search(r"give at least ([\d.]+)$", str(caught.value))
     assert asked
-    assert smoke(tmp_path / "good", f"[sheet]\nrate_hz = {asked.group(1)}").remarks() == []
+    good = smoke(tmp_path / "good", f"{every}\n[sheet]\nrate_hz = {asked.group(1)}")
+    assert not any("warning" in remark for remark in good.remarks())
+
+
+NO_MOTION = [
+    (STROKES.format(p=20, t=0, d=1e6), ["[motion] moves the body", "stand still"]),
+    (STROKES.format(p=0.002, t=0, d=0.4), ["[motion] moves the body", "stand still"]),
+    ("[motion]\nmax_bend_step_deg = 0.1", ["max_bend_step_deg", "shapes", "give at least 0.43"]),
+]
+TURN = """title = "a turn"
+body = {{ shape = "plate", chord = 0.02, thickness = 1e-3, centre = [0.0, 0.15], depth = 0.1 }}
+model = {{ kind = "2d" }}
+camera = {{ columns = 200, rows = 200, centre = [0.0, 0.15] }}
+numerics = {{ time_step = 2e-3 }}
+mesh = {{ wall_cell = 1e-3, wall_first_layer = 4e-4, wall_layers = 2, tip_cell = 1e-3, near_cell = 3e-3,
+  far_cell = 0.02 }}
+motion = {{ source = "rigid", end_time = 0.4, rotation = {{ kind = "sine", amplitude = {turn}, period = {p},
+  smoothing = {smooth} }} }}
+[levels.smoke]
+"""
+TURNS = [
+    ((0.01, 1e5, 0.2), ["motion.path_step", "shapes"]),
+    ((0.01, 1e-3, 0.2), ["[motion] moves the body", "stand still"]),
+    ((0.01, 5.0, 2e-3), ["motion.rotation.period = 0.002 s", "at least 0.016"]),
+    ((1e-3, 5.0, 0.2), ["motion.rotation.smoothing = 0.001 s", "at least 0.002"]),
+]
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [(f'extends = "{ROOT / "cases" / "single_finger"}"\n{more}', w) for more, w in NO_MOTION]
+    + [(TURN.format(smooth=s, turn=a, p=p), w) for (s, a, p), w in TURNS],
+)
+def test_a_motion_of_nothing_or_of_too_many_shapes_is_refused_within_seconds(tmp_path, text, words):
+    (tmp_path / "scene.toml").write_text(text.replace(",\n ", ", "))
+    begun = time.process_time()
+    with pytest.raises(StageError) as caught:
+        kinematics_values(load_scene(tmp_path, "smoke"))
+    assert time.process_time() - begun < 10  # s: the meshes of as many shapes take minutes
+    for word in ("scene.toml", *words):
+        assert word in str(caught.value)
 
 
 def test_a_later_stroke_that_never_begins_is_warned_of(tmp_path):
