@@ -16,6 +16,7 @@ from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.plane_writer import writing_planes
 from fileio.provenance import versions
+from pipeline.kinematics.view import unseen_tip
 from pipeline.openfoam.surface_vtk import read_surface, sampled_surfaces
 from pipeline.scene.measurement import Camera
 from pipeline.scene.scene import Scene
@@ -30,6 +31,7 @@ def sheet_axes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
     axes: list[np.ndarray] = []
+    assert camera.centre is not None
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
         half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + margin
         if symmetric and not axes:
@@ -124,6 +126,10 @@ def run(
     """Write sheet.h5 frame by frame, or another view (m: x0, x1, y0, y1) to `output`."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
+        if scene.body is None and (
+            why := unseen_tip(scene.camera, kinematics.data["shape_tip"].values)
+        ):
+            raise StageError(f"{scene.folder / 'scene.toml'}: {why}")
         x, y = sheet_axes(
             scene.camera, scene.sheet.spacing, scene.sheet.margin, symmetric=kinematics.mirror
         )

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from fileio.errors import StageError
 from fileio.formats.bending_states import write
 from pipeline.fea.engines import bending_states
-from pipeline.fea.sections import sections
+from pipeline.fea.sections import check_length, sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
 from pipeline.scene.read_toml import OWN_STATES
 from pipeline.scene.scene import Scene, load_scene
@@ -25,6 +25,8 @@ def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes
     Without one: kinematics/states.h5 beside scene.toml, where it holds for all levels.
     """
     actuator, fea = sections(scene)
+    if fea.engine == "unit_cell":
+        check_length(scene, actuator)
     try:
         with tqdm(total=len(fea.pressures), unit="state", disable=not sys.stderr.isatty()) as bar:
             states = bending_states(scene.folder, actuator, fea, bar.update)

@@ -10,7 +10,7 @@ from typing import Any
 from fileio.errors import StageError
 from fileio.formats.bending_states import read
 from fileio.json_text import flat
-from pipeline.fea.sections import sections
+from pipeline.fea.sections import check_length, sections
 from pipeline.scene.read_toml import merge, read_layers
 from pipeline.scene.scene import Scene
 
@@ -33,6 +33,8 @@ def check_states(scene: Scene) -> None:
     made = _provenance(path)
     if made is None:
         return
+    if fea.engine == "unit_cell":
+        check_length(scene, actuator)
     now = _inputs(actuator.model_dump(mode="json"), fea.model_dump(mode="json"))
     for key, was in _inputs(*made).items():
         if key in now and now[key] != was:

@@ -25,7 +25,7 @@ from pipeline.kinematics.shapes import (
     with_chambers,
 )
 from pipeline.scene.pinch import Pinch
-from pipeline.scene.sections import Finger, Motion
+from pipeline.scene.sections import SMOOTHING, Finger, Motion
 
 _LAW_SAMPLES_PER_SECOND = 4000
 # of finger.length against that of its states: digitised profiles are no better
@@ -99,7 +99,7 @@ def finger_motion(
     if abs(length - finger.length) > _LENGTH_TOLERANCE * finger.length:
         raise StageError(
             f"{where}: finger.length = {finger.length:g} m but the states of motion.states are"
-            f" {length:.4g} m long; give that length"
+            f" {length:.4g} m long; give that length, or states of a finger of yours"
         )
     states = add_tip(states, finger.tip.length, finger.tip.thickness)
     s, thickness = arc_length(states.profile[rest]), states.thickness[rest]
@@ -137,7 +137,8 @@ def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
     if motion.source == "recording":
         return recorded_law(folder / str(motion.recording), motion.recording_factor)
     if motion.pressure_csv:
-        return measured_law(folder / motion.pressure_csv)
+        span = SMOOTHING if motion.smoothing is None else motion.smoothing
+        return measured_law(folder / motion.pressure_csv, span)
     strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
     return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
 

@@ -1,4 +1,4 @@
-"""Twice continuously differentiable pressure over time: three-pole strokes, or a history."""
+"""Smooth pressure over time: three-pole strokes, or a measured history."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from fileio.errors import StageError
+from pipeline.scene.sections import SMOOTHING
 
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
@@ -44,18 +45,27 @@ def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]])
     return law
 
 
-def measured_law(path: Path) -> PressureLaw:
-    """Cubic spline through a CSV with columns `t, p` (s, Pa), held constant before and after."""
-    times, pressure = measured_table(path, "t,p", "s and Pa")
+def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
+    """The history of a CSV with columns `t, p` (s, Pa), averaged over `smoothing` s; StageError.
+
+    It is held constant before and after. Without smoothing: a cubic spline through the rows.
+    """
+    # a spline needs three rows; two are a ramp
+    times, pressure = measured_table(path, "t,p", "s and Pa", least=2 if smoothing else 3)
     if np.ptp(pressure) < 200:
         raise StageError(
             f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa"
         )
+    if smoothing:
+        return averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
 
 
-def measured_table(path: Path, header: str, units: str) -> tuple[ndarray, ndarray]:
-    """Increasing times and values of a CSV with two columns; StageError names the `units`."""
+def measured_table(path: Path, header: str, units: str, least: int = 3) -> tuple[ndarray, ndarray]:
+    """Increasing times and values of a CSV with two columns and `least` rows or more.
+
+    StageError names the `units`.
+    """
     try:
         rows = _data_rows(path, header, units)
         table = np.array([row.split(",") for row in rows], float, ndmin=2)
@@ -65,9 +75,10 @@ def measured_table(path: Path, header: str, units: str) -> tuple[ndarray, ndarra
         raise
     except (OSError, ValueError) as error:
         raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
-    if table.ndim != 2 or table.shape[1] != 2 or len(table) < 3:
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) < least:
         raise StageError(
-            f"{path}: needs two columns {header} and at least three rows, found shape {table.shape}"
+            f"{path}: needs two columns {header} and at least {least} rows, found shape"
+            f" {table.shape}"
         )
     finite, later = np.isfinite(table).all(1), np.diff(table[:, 0]) > 0
     if not finite.all():
@@ -75,6 +86,45 @@ def measured_table(path: Path, header: str, units: str) -> tuple[ndarray, ndarra
     if not later.all():
         raise StageError(f"{path}: times must increase; row {later.argmin() + 2} does not")
     return table[:, 0], table[:, 1]
+
+
+def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
+    """0 before 0, 1 after 1, three times continuously differentiable.
+
+    Or its first or second derivative, or (-1) its integral.
+    """
+    x, beyond = np.clip(x, 0.0, 1.0), np.maximum(x - 1, 0.0)
+    if derivative == -1:
+        return x**5 * (7 - 14 * x + 10 * x**2 - 2.5 * x**3) + beyond
+    if derivative == 0:
+        return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
+    rest = 1 - x
+    return 140 * x**3 * rest**3 if derivative == 1 else 420 * x**2 * rest**2 * (1 - 2 * x)
+
+
+def averaged_law(times: ndarray, pressure: ndarray, span: float) -> PressureLaw:
+    """A history (s, Pa) by straight lines, averaged over the `span` (s) before each instant.
+
+    It starts from rest, does not overshoot, and lags by half of the span.
+    """
+    slopes = np.concatenate([[0.0], np.diff(pressure) / np.diff(times), [0.0]])
+    turns = np.diff(slopes)  # of the slope at each row
+    # of all rows that the average has passed: a straight line
+    sums = np.concatenate([[0.0], np.cumsum(turns)])
+    moments = np.concatenate([[0.0], np.cumsum(turns * (times + 0.5 * span))])
+
+    def law(time: ndarray, derivative: int = 0) -> ndarray:
+        t = np.asarray(time, float)
+        passed, begun = (np.searchsorted(times, t - before) for before in (span, 0.0))
+        line = (sums[passed] * t - moments[passed] + pressure[0], sums[passed], np.zeros(t.shape))
+        total = line[derivative]
+        for k in range(int(np.max(begun - passed, initial=0))):
+            row = np.minimum(passed + k, len(times) - 1)
+            part = smooth_step((t - times[row]) / span, derivative - 1) * span ** (1 - derivative)
+            total = total + np.where(passed + k < begun, turns[row] * part, 0.0)
+        return total
+
+    return law
 
 
 def history_law(times: ndarray, pressure: ndarray) -> PressureLaw:

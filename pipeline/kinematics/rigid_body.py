@@ -10,20 +10,12 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from pipeline.kinematics.pressure_law import history_law, measured_table
+from pipeline.kinematics.pressure_law import history_law, measured_table, smooth_step
 from pipeline.kinematics.shape_checks import check_motion, check_number
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
 
 _SAMPLES_PER_SMOOTHING = 200  # a cubic spline through them is exact to 1e-9 of the law's step
-
-
-def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
-    """0 before 0, 1 after 1, three times continuously differentiable, or its first derivative."""
-    x = np.clip(x, 0.0, 1.0)
-    if derivative == 0:
-        return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
-    return 140 * x**3 * (1 - x) ** 3
 
 
 @dataclass(frozen=True)

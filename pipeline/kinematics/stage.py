@@ -16,6 +16,7 @@ from pipeline.kinematics.shape_checks import check_body, check_motion, check_num
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
+_JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
 _GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh there shrinks with it
 
 
@@ -89,6 +90,12 @@ def _finger_values(
     return values
 
 
+def motion_rate(values: dict[str, Any]) -> np.ndarray:
+    """Rate (time,) of the shape parameter."""
+    parameter = values.get(SHAPE_OF_TIME, values["pressure"])
+    return np.asarray(CubicSpline(values["time"], parameter)(values["time"], 1))
+
+
 def kinematics_values(scene: Scene) -> dict[str, Any]:
     """Variables and attributes of kinematics.h5; StageError where the motion cannot be."""
     motion, where = scene.motion, scene.folder / "scene.toml"
@@ -127,5 +134,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
             f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes,"
             f" tip ≤ {values['peak_tip_speed']:.3f} m/s"
         )
+        rate = np.abs(motion_rate(values))
+        if rate[0] > _JUMP * rate.max():
+            print(
+                f"kinematics: warning: {scene.motion.pressure_csv or scene.motion.recording} begins"
+                " with a jump of its slope: the first peak of force is that of an impulsive start;"
+                " give motion.smoothing, or rows of rest before"
+            )
         if scene.pinch is not None:
             print(f"kinematics: {closing_sentence(values)}")

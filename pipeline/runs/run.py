@@ -19,6 +19,7 @@ from fileio.lock import exclusive
 from fileio.provenance import digest
 from fileio.record import changed_outputs, read_record, record_path
 from pipeline.fea.up_to_date import check_states
+from pipeline.kinematics.view import following, tip_path, unseen_tip
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
@@ -139,6 +140,15 @@ class Run:
             )
         if not self.analysed:
             check_states(self.scene)
+        if self.scene.body is None and {"images", "vortices_cfd"} & {s.name for s in until(target)}:
+            self._check_view()
+
+    def _check_view(self) -> None:
+        """StageError where the tip leaves the camera's picture, or its path is not known."""
+        if self.analysed and self.scene.camera.centre is not None:
+            return  # the stage sheet checks it, once the states are there
+        if why := unseen_tip(self.scene.camera, tip_path(self.scene)[0]):
+            raise StageError(f"{self.scene.folder / 'scene.toml'}: {why}")
 
 
 def open_run(
@@ -158,7 +168,19 @@ def open_run(
     if analysed:
         states = os.path.relpath((out or Path()) / FEA.done, folder)
         overrides = {"motion.source": "fea"} | overrides | {"motion.states": states}
-    return Run(load_scene(folder, level, overrides, out), overrides, analysed, ranks)
+    scene = load_scene(folder, level, overrides, out)
+    if scene.camera.centre is None:
+        view = _view(load_scene(folder, level) if analysed else scene)
+        scene = load_scene(folder, level, overrides | view, out) if view else scene
+    return Run(scene, overrides, analysed, ranks)
+
+
+def _view(scene: Scene) -> dict[str, Any]:
+    """Values of the measurement that follow from the motion; none before its files are there."""
+    try:
+        return following(scene)
+    except StageError:
+        return {}  # `Run.check` says why
 
 
 def run_of(row: Mapping[str, Any]) -> Run:

@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.scene.pinch import check_pinch, check_support
-from pipeline.scene.predicted import checkpoints, predicted, sheet_points, view_size
+from pipeline.scene.predicted import (
+    checkpoints,
+    picture_of,
+    predicted,
+    sheet_points,
+    view_size,
+)
 from pipeline.scene.sections import SCALED
 
 _MAX_TANK = 5.0  # m
@@ -198,13 +204,11 @@ def _check_pictures(scene: Any) -> None:
             f" give at most {max(wide, high) / 8:.2g}"
         )
     half, depth = scene.tank.size[0] / 2, scene.tank.water_depth
-    seen = [
-        min(middle + size / 2, last) - max(middle - size / 2, first)
-        for middle, size, first, last in zip(
-            camera.centre, (wide, high), (-half, 0.0), (half, depth), strict=True
-        )
-    ]
-    if min(seen[0] / wide, seen[1] / high) < 0.01:
+    seen = np.ones(2)
+    if camera.centre is not None:
+        low, up = picture_of(camera)
+        seen = (np.minimum(up, (half, depth)) - np.maximum(low, (-half, 0.0))) / (wide, high)
+    if seen.min() < 0.01:
         raise ValueError(
             f"camera.centre = {list(camera.centre)} m shows no water: the picture is {wide:.3g} m"
             f" by {high:.3g} m, the water x from {-half:g} to {half:g} m and y from 0 to {depth:g}"

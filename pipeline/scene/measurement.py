@@ -20,7 +20,7 @@ class Sheet(Section):
     rate_hz: Positive = 500.0
     """Pictures of the sheet in a second [Hz]"""
     spacing: Positive = 0.0005
-    """Of the grid that the flow is sampled on [m]"""
+    """Of the grid that the flow is sampled on; 4 px where camera.centre is absent [m]"""
     margin: Positive = 0.006
     """Beyond the camera's view, so that particles that enter it come from somewhere [m]"""
     thickness: Annotated[Number, Field(ge=1e-4, le=0.05)] = 0.0015
@@ -35,9 +35,9 @@ class Camera(Section):
     rows: Annotated[Whole, Field(ge=64, le=_MOST_PIXELS)] = 1024
     """Of the picture [px]"""
     scale_mm_per_px: Positive = 0.125
-    """Size of a pixel in the sheet [mm/px]"""
-    centre: Pair
-    """Middle of the picture in the tank frame [m]"""
+    """Size of a pixel in the sheet; it follows, too, where neither is given [mm/px]"""
+    centre: Pair | None = None
+    """Middle of the picture in the tank frame; absent: it follows from the tip's path [m]"""
     bits: Literal[8, 10, 12, 16] = 8
     """Of a grey value"""
     density_ppp: Annotated[Positive, Field(le=0.5)] = 0.04
@@ -69,6 +69,7 @@ class Camera(Section):
     def origin_px(self) -> Pair:
         """The tank frame's origin, px right and up from the centre of the bottom left pixel."""
         middle = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
+        assert self.centre is not None
         return middle[0] - self.centre[0] / self.pixel, middle[1] - self.centre[1] / self.pixel
 
 
@@ -99,7 +100,7 @@ class Vortices(Section):
     """Which vortices count, and how they are fitted."""
 
     min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
-    """Least size that counts [m²/s]"""
+    """Least size that counts; 1 % of tip speed × length where camera.centre is absent [m²/s]"""
     stencil_radius: Positive = 0.003
     """Of the fit of velocity gradients [m]"""
     weights: Literal["equal", "uncertainty"] = "equal"

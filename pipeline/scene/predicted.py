@@ -60,6 +60,12 @@ def view_size(camera: Any) -> tuple[float, float]:
     return camera.columns * camera.pixel, camera.rows * camera.pixel
 
 
+def picture_of(camera: Any) -> tuple[Any, Any]:
+    """Lower left and upper right corner (2,) of the camera's picture, m."""
+    half = 0.5 * np.array(view_size(camera))
+    return camera.centre - half, camera.centre + half
+
+
 def sheet_points(scene: Any) -> float:
     """Points of a picture of the sheet."""
     wide, high = (size + 2 * scene.sheet.margin for size in view_size(scene.camera))

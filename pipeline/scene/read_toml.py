@@ -16,6 +16,13 @@ FILE_KEYS = {"states", "pressure_csv", "recording", "shapes", "path_csv"}
 _REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
 # of [motion]: a key that is not empty replaces the others
 _HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}
+# of a parent's finger and motion: they follow from those of a child that has others
+_FOLLOWING = {
+    "camera": ("centre", "scale_mm_per_px"),
+    "sheet": ("spacing",),
+    "vortices": ("min_circulation", "stencil_radius"),
+}
+_MOVING = {"tank", "finger", "motion", "actuator", "pinch"}
 OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they replace a parent's
 
 
@@ -89,6 +96,9 @@ def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, 
     of_levels: dict[str, Any] = {}
     replaced: dict[str, Path] = {}
     for layer in layers:
+        stated = "centre" in layer.base.get("camera", {}) or "body" in table
+        if _MOVING & layer.base.keys() and not stated:
+            table = _without_view(table)
         for key, value in flat(layer.base).items():
             if of_levels.get(key, value) != value:
                 replaced[key] = layer.path
@@ -100,6 +110,15 @@ def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, 
             replaced = {key: by for key, by in replaced.items() if key not in flat(added)}
     table.pop("extends", None)
     return table, replaced
+
+
+def _without_view(table: dict[str, Any]) -> dict[str, Any]:
+    """The tables without the keys of the measurement that follow from the motion."""
+    kept = dict(table)
+    for name, keys in _FOLLOWING.items():
+        if isinstance(kept.get(name), dict):
+            kept[name] = {k: v for k, v in kept[name].items() if k not in keys}
+    return kept
 
 
 def _level_chain(layers: list[Layer], level: str) -> list[str]:

@@ -57,7 +57,7 @@ class Scene(Section):
     mesh: Mesh
     numerics: Numerics
     sheet: Sheet = Sheet()
-    camera: Camera
+    camera: Camera = Camera()
     piv: Piv = Piv()
     vortices: Vortices = Vortices()
     actuator: dict[str, Any] = Field(default_factory=dict)
@@ -95,6 +95,8 @@ class Scene(Section):
             raise ValueError(
                 "body and motion.source = 'rigid' belong together; give both or neither"
             )
+        if self.body is not None and self.camera.centre is None:
+            raise ValueError("camera.centre: this key is missing; a rigid body's scene needs it")
         if self.body is not None and self.pinch is not None:
             raise ValueError("pinch: a rigid body has no second finger; remove it")
         check_scene(self)

@@ -114,6 +114,9 @@ class _Segment(Section):
     """After which 2 % of the change are left [s]"""
 
 
+SMOOTHING = 0.04  # s: a ramp of 0.5 s then starts as softly as a stroke of 0.4 s
+
+
 class Motion(Section):
     """Where shapes and the pressure history come from."""
 
@@ -133,6 +136,8 @@ class Motion(Section):
     """Changes of the pressure, one after the other"""
     pressure_csv: str | None = None
     """File of a measured pressure over time, a CSV with columns t,p (s, Pa), in place of strokes"""
+    smoothing: Annotated[NotNegative, Field(le=10)] | None = None
+    """Of pressure_csv: averaged over this time before each instant; absent: 0.04, 0: not [s]"""
     end_time: Positive
     """Of the run [s]"""
     max_bend_step_deg: Annotated[Positive, Field(ge=0.1, le=30)] = 5.0
@@ -189,6 +194,8 @@ class Motion(Section):
             raise ValueError(
                 "give either motion.strokes or motion.pressure_csv, not both and not neither"
             )
+        if self.smoothing is not None and not self.pressure_csv:
+            raise ValueError("motion.smoothing belongs to motion.pressure_csv; remove it")
         if self.pressure_csv and self.start_pressure_kpa != 0:
             raise ValueError(
                 "motion.start_pressure_kpa belongs to motion.strokes; remove it beside"

@@ -119,6 +119,7 @@ def view(scene: Scene, whole: bool = False, quiet: bool = False) -> None:
     with exclusive(target):
         count = write_series(scene, target, planes, quiet)
         width, height = view_size(scene.camera)
+        assert scene.camera.centre is not None
         view = {"centre": list(scene.camera.centre), "height": height, "width": width}
         write_text(target / "picture.json", json.dumps(view | {"sheet": scene.sheet.z}) + "\n")
         write_bytes(target / "picture.py", _SCRIPT.read_bytes())

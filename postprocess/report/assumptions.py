@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.scene.sections import SMOOTHING
+
 _GRAVITY = 9.81  # m/s²
 _PARTS = {
     "2d": "A plane without depth is computed: no water passes round the {name}'s sides, so its"
@@ -51,6 +53,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         else "The finger's motion is prescribed; the water does not bend it. The head of the page"
         " states how far the loads on it would bend it."
     )
+    motion += _pressure(scene["motion"])
     surface = (
         f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the {name} could raise"
         f" the surface by at most {speed**2 / (2 * _GRAVITY) * 1e3:.1f} mm; it stays"
@@ -71,6 +74,21 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         *([("Contact", _contact(scene["pinch"]))] if scene.get("pinch") else []),
         ("PIV", piv),
     ]
+
+
+def _pressure(motion: dict[str, Any]) -> str:
+    """How a measured pressure was smoothed; nothing of strokes."""
+    if not motion.get("pressure_csv"):
+        return ""
+    span = motion.get("smoothing")
+    span = SMOOTHING if span is None else span
+    if not span:
+        return f" The pressure is a spline through {motion['pressure_csv']}."
+    return (
+        f" The pressure of {motion['pressure_csv']} is averaged over the {1e3 * span:g} ms before"
+        f" each instant, so that the finger starts from rest; it lags by {500 * span:g} ms"
+        " (motion.smoothing)."
+    )
 
 
 def _contact(pinch: dict[str, Any]) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fileio.errors import StageError
 from pipeline.kinematics.pressure_law import (
     SETTLING_2_PERCENT,
     measured_law,
@@ -46,13 +47,42 @@ def test_the_law_and_its_derivatives_agree_and_are_continuous(derivative):
     assert law(starts - 1e-9, 2) == pytest.approx(law(starts + 1e-9, 2), abs=2.0)
 
 
+def test_a_measured_ramp_starts_from_rest_and_lags_by_half_of_the_smoothing(tmp_path):
+    """Exactly: the average of a straight line, with a weight that is even about its middle."""
+    path = tmp_path / "p.csv"
+    path.write_text("t,p\n0,1000\n0.5,16000\n")
+    law, t = measured_law(path, 0.04), np.array([-1.0, 0.0, 0.04, 0.3, 0.5, 0.54, 2.0])
+    assert law(t) == pytest.approx([1e3, 1e3, 1.6e3, 9.4e3, 15.4e3, 16e3, 16e3], rel=1e-12)
+    assert law(t, 1) == pytest.approx([0, 0, 30e3, 30e3, 30e3, 0, 0], abs=1e-6)
+    assert law(t, 2) == pytest.approx(0 * t, abs=1e-4)
+    with pytest.raises(StageError, match="at least 3 rows"):
+        measured_law(path, 0.0)
+
+
+def test_the_average_of_a_history_is_that_of_its_straight_lines(tmp_path):
+    rng = np.random.default_rng(3)
+    times, p = np.cumsum(rng.uniform(0.002, 0.03, 60)), 1e4 * rng.uniform(size=60)
+    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(times.tolist(), p.tolist(), strict=True))
+    (tmp_path / "p.csv").write_text("t,p\n" + rows)
+    law, span, t, h = measured_law(tmp_path / "p.csv", 0.05), 0.05, np.linspace(0, 1.2, 241), 1e-5
+    x = (np.arange(20000) + 0.5) / 20000
+    weight = 140 * x**3 * (1 - x) ** 3 / len(x)
+    wanted = [weight @ np.interp(at - span * x, times, p) for at in t]
+    assert law(t) == pytest.approx(wanted, abs=0.1)  # Pa: kinks between the points of the sum
+    for derivative in (1, 2):
+        exact = law(t, derivative)
+        numeric = (law(t + h, derivative - 1) - law(t - h, derivative - 1)) / (2 * h)
+        # h² / 6 of the derivative after next, over the smoothing to the second power
+        assert np.abs(numeric - exact).max() < 1e-5 * np.abs(exact).max()
+
+
 def test_a_measured_history_passes_through_its_points_and_rests_outside(tmp_path):
     t = np.linspace(0, 0.4, 21)
     p = 20e3 * three_pole(t / 0.05)
     (tmp_path / "p.csv").write_text(
         "t,p\n" + "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True))
     )
-    law = measured_law(tmp_path / "p.csv")
+    law = measured_law(tmp_path / "p.csv", 0.0)
     assert law(t) == pytest.approx(p, abs=1e-9)
     assert law(np.array([-1.0, 5.0])) == pytest.approx([p[0], p[-1]])
     assert law(np.array([-1.0, 5.0]), 1) == pytest.approx([0, 0])

@@ -145,7 +145,8 @@ def _outcome(text: str, folder: Path) -> str:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
             scene = load_scene(folder, "smoke")
-            render_settings(scene.camera, scene.sheet)
+            if scene.camera.centre is not None:
+                render_settings(scene.camera, scene.sheet)
             piv_settings(scene.piv, scene.camera)
             kinematics.run(scene, quiet=True)
         size, sentences = predicted(scene), scene.remarks()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
 from pipeline.kinematics.pressure_law import measured_law
-from pipeline.kinematics.stage import kinematics_values
+from pipeline.kinematics.stage import kinematics_values, run
 from tests.conftest import motion_of, write_scene
 
 STROKE = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = 0.005, duration = 0.4 }}]\n{more}"
@@ -83,7 +83,7 @@ def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):
     (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,50000\n0.2,90000\n")
     scene = write_scene(tmp_path / "s", more='[motion]\npressure_csv = "../p.csv"')
     with pytest.raises(
-        StageError, match=r"p.csv: the motion runs over 0…92.9 kPa but the states cover -40…40 kPa"
+        StageError, match=r"p.csv: the motion runs over 0…90 kPa but the states cover -40…40 kPa"
     ):
         motion_of(scene)
 
@@ -94,7 +94,7 @@ def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):
         ("t,p\n0,0\n0.1,5000\n0.05,9000\n", "increase"),
         ("t,p\n0,0\n0.1,5\n0.2,20\n", "kPa"),
         ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "not a number"),
-        ("t,p\n0,0\n", "three rows"),
+        ("t,p\n0,0\n", "at least 2 rows"),
         ("hello\n1,x\n", "first line is 'hello'; name the columns t,p, in s and Pa"),
         ("0,hello\n1,x\n", "not a table"),
         ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "row 1 is not a number"),
@@ -108,6 +108,19 @@ def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
     (tmp_path / "p.csv").write_text(text)
     with pytest.raises(StageError, match=words):
         measured_law(tmp_path / "p.csv")
+
+
+def test_a_history_that_begins_with_a_jump_of_its_slope_is_smoothed_or_warned_of(tmp_path, capsys):
+    """The default smoothing starts from rest; without it, the first force is that of a jerk."""
+    (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,3000\n0.2,6000\n0.4,12000\n")
+    for name, more, warned in (("a", "", False), ("b", "smoothing = 0.0", True)):
+        scene = write_scene(
+            tmp_path / name, more=f'[motion]\npressure_csv = "../p.csv"\n{more}\nend_time = 0.4'
+        )
+        scene.out.mkdir(parents=True)
+        run(scene)
+        text = capsys.readouterr().out
+        assert ("p.csv begins with a jump of its slope" in text) is warned
 
 
 def test_a_length_that_the_states_contradict_is_refused(tmp_path):

@@ -1,0 +1,90 @@
+"""What the measurement must see: the tip's path, and the camera, sheet and vortices that fit it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from pipeline.kinematics.finger import finger_motion, law_times
+from pipeline.scene.measurement import Camera
+from pipeline.scene.predicted import picture_of
+from pipeline.scene.scene import Scene
+
+_SHAPES = 61  # over the motion's pressures: the tip moves by a few degrees between two
+_ROOM = 0.45  # of the finger's length, around root and path, for the vortices that the tip sheds
+_SPACING_PX = 4  # of the grid that the flow is sampled on
+_STENCIL = 1.5  # least radius of the vortices' fit, in distances of two vectors
+_LEAST_CIRCULATION = 0.01  # of peak tip speed times length: the shipped scenes' share
+
+
+def tip_path(scene: Scene) -> tuple[ndarray, float]:
+    """Places (shape, 2) of the tip's middle over the whole motion (m), and its peak speed (m/s).
+
+    StageError where the motion cannot be.
+    """
+    motion = finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
+    time = law_times(scene.motion.end_time)
+    parameter = motion.law(time)
+    known = np.linspace(parameter.min(), parameter.max(), _SHAPES)
+    tip = motion.to_tank(np.array([motion.shapes.tip(p)[0] for p in known]))
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(tip, axis=0).T))])
+    speed = np.abs(np.gradient(np.interp(parameter, known, way), time)).max()
+    return tip, float(speed)
+
+
+def following(scene: Scene) -> dict[str, Any]:
+    """Values by dotted key of what the scene leaves to follow from the motion. StageError."""
+    tip, speed = tip_path(scene)
+    length = scene.finger.length + scene.finger.tip.length
+    camera, piv = scene.camera, scene.piv
+    points = np.vstack([tip, scene.finger.root])
+    if scene.pinch is not None:
+        points = np.vstack([points, points * [-1, 1]])
+    low, high = points.min(0) - _ROOM * length, points.max(0) + _ROOM * length
+    scale = camera.scale_mm_per_px
+    if "scale_mm_per_px" not in camera.model_fields_set:
+        scale = _rounded_up(1e3 * float(np.max((high - low) / [camera.columns, camera.rows])))
+    radius = max(0.003, _STENCIL * piv.spacing * scale * 1e-3)
+    values: dict[str, dict[str, Any]] = {
+        "camera": {
+            "centre": [round(float(x), 4) for x in 0.5 * (low + high)],
+            "scale_mm_per_px": scale,
+        },
+        "sheet": {"spacing": round(_SPACING_PX * scale * 1e-3, 7)},
+        "vortices": {
+            "min_circulation": _rounded_up(_LEAST_CIRCULATION * speed * length),
+            "stencil_radius": round(radius, 5),
+        },
+    }
+    return {
+        f"{name}.{key}": value
+        for name, table in values.items()
+        for key, value in table.items()
+        if key == "centre" or key not in getattr(scene, name).model_fields_set
+    }
+
+
+def unseen_tip(camera: Camera, tip: ndarray) -> str:
+    """Why a camera does not see a tip (…, 2) at every place, and the remedy; "" where it does."""
+    tip = tip.reshape(-1, 2)
+    low, high = picture_of(camera)
+    if (tip > low).all() and (tip < high).all():
+        return ""
+
+    def span(values: ndarray, axis: int) -> str:
+        return f"{'xy'[axis]} from {values[0][axis]:.3f} to {values[1][axis]:.3f} m"
+
+    reach = np.array([tip.min(0), tip.max(0)])
+    axis = int(np.argmax(np.maximum(low - reach[0], reach[1] - high)))
+    return (
+        f"camera.centre = {list(camera.centre or ())} m: the tip leaves the picture (the tip"
+        f" moves over {span(reach, axis)}, the picture shows {span(np.array([low, high]), axis)});"
+        " remove centre and scale_mm_per_px, so that they follow the tip"
+    )
+
+
+def _rounded_up(value: float, digits: int = 2) -> float:
+    unit = 10.0 ** (np.floor(np.log10(value)) - digits + 1)
+    return float(f"{np.ceil(value / unit - 1e-9) * unit:.6g}")

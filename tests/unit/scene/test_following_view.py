@@ -1,0 +1,92 @@
+"""The camera follows from the finger's path, and a tip that it does not see is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fileio.errors import StageError
+from pipeline.runs.run import open_run
+from tests.conftest import ROOT, motion_of
+
+SINGLE = ROOT / "cases" / "single_finger"
+
+
+def write(folder, text):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scene.toml").write_text(f'extends = "{SINGLE}"\n{text}')
+    return folder
+
+
+TANK = st.tuples(st.floats(0.15, 1.0), st.floats(0.15, 0.8))
+STROKES = st.lists(st.floats(-20, 40), min_size=1, max_size=3)
+STATED = st.sampled_from(["", "", "scale_mm_per_px = 0.1", "centre = [0.02, 0.19]"])
+
+
+@settings(max_examples=40, derandomize=True)
+@given(TANK, st.floats(-0.1, 0.1), st.floats(0.3, 0.95), st.floats(0.03, 0.2), STROKES, STATED)
+def test_the_tip_is_in_view_at_every_instant_or_the_scene_is_refused(
+    tmp_path_factory, tank, x, y, length, kpa, stated
+):
+    """The paper's equations bend a finger of any length."""
+    strokes = ", ".join(
+        f"{{ pressure_kpa = {p:.6g}, start = {0.2 * k + 0.01}, duration = 0.2 }}"
+        for k, p in enumerate(kpa)
+    )
+    folder = write(
+        tmp_path_factory.mktemp("scene"),
+        f"[tank]\nsize = [{tank[0]:.4f}, {tank[1]:.4f}, 0.2]\nwater_depth = {0.95 * tank[1]:.4f}\n"
+        f"[finger]\nroot = [{x:.4f}, {y * tank[1]:.4f}]\nlength = {length:.4f}\n"
+        f'[motion]\nsource = "paper_equations"\nstrokes = [{strokes}]\n'
+        f"end_time = {0.2 * len(kpa) + 0.02:.2f}\n[camera]\n{stated}\n",
+    )
+    run, refusal = None, ""
+    try:
+        run = open_run(folder, "coarse")
+        run.check("report")
+    except StageError as error:
+        run, refusal = None, str(error)
+    if run is None:
+        assert str(folder) in refusal
+        assert "\n" not in refusal
+        return
+    camera, motion = run.scene.camera, motion_of(run.scene)
+    half = 0.5 * camera.pixel * np.array([camera.columns, camera.rows])
+    for pressure in motion.law(np.linspace(0, run.scene.motion.end_time, 200)):
+        tip = motion.to_tank(motion.shapes.tip(pressure)[0])
+        assert (np.abs(tip - camera.centre) < half).all()
+
+
+def test_a_child_with_another_finger_does_not_see_its_parents_view(tmp_path):
+    """Unless it states its own; a smaller finger has a closer view and weaker vortices."""
+    short = 'source = "paper_equations"\nend_time = 0.42\n[finger]\nlength = 0.035\n'
+    run = open_run(write(tmp_path / "a", f"[motion]\n{short}"), "smoke")
+    assert run.scene.camera.centre == pytest.approx((0.012, 0.228), abs=0.01)
+    shipped = open_run(SINGLE, "smoke").scene
+    assert run.scene.camera.scale_mm_per_px < 0.125 * 2 * 0.75  # half the pixels see it all
+    assert run.scene.vortices.min_circulation < shipped.vortices.min_circulation
+    own = open_run(
+        write(tmp_path / "b", f"[camera]\ncentre = [0, 0.2]\n[motion]\n{short}"), "smoke"
+    )
+    assert own.scene.camera.scale_mm_per_px == shipped.camera.scale_mm_per_px
+    assert open_run(write(tmp_path / "c", "[piv]\nwindow = 24\n"), "smoke").scene.camera == (
+        shipped.camera
+    )
+
+
+def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_path):
+    run = open_run(write(tmp_path, "[finger]\nroot = [0, 0.2]\n[camera]\ncentre = [0.1, 0.19]\n"))
+    with pytest.raises(StageError, match=r"camera\.centre = \[0\.1, 0\.19\] m: the tip leaves"):
+        run.check("report")
+    run.check("run")  # the flow needs no camera
+    assert not run.out.exists()
+
+
+def test_before_the_bending_analysis_the_view_is_open(tmp_path):
+    """And the check says that the states are missing."""
+    run = open_run(write(tmp_path, '[motion]\nstates = "s.h5"'), "smoke")
+    assert run.scene.camera.centre is None
+    with pytest.raises(StageError, match=r"s\.h5"):
+        run.check("report")
