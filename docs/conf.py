@@ -40,11 +40,11 @@ html_theme_options = {"navigation_with_keys": True}
 RESULTS = "cases/single_finger/kinematics/studies/results.md"
 TAKEN = {
     "site/first_hour": (
-        "# First hour\n\n## Install\n",
+        "# First hour\n\n## Run it\n",
         "README.md",
-        r"\n## Install\n(.*)\n## What to trust\n",
+        r"\n## Run it\n(.*)\n## What to trust\n",
     ),
-    "site/trust": ("# What to trust\n", "README.md", r"\n## What to trust\n(.*)\n## Map"),
+    "site/trust": ("# What to trust\n", "README.md", r"\n## What to trust\n(.*)\n## Read on"),
     "site/contributing": ("# Contributing\n", "CONTRIBUTING.md", r"# Contributing\n(.*)"),
     "site/changelog": ("# Changelog\n", "CHANGELOG.md", r"# Changelog\n(.*)"),
     "site/fea_results": (

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import csv
 import inspect
+import io
 import json
 import re
 import textwrap
@@ -140,26 +142,16 @@ def _model_of(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
     return None, False
 
 
-def markdown(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
-    """The keys as a table for each section; `levels`: text of a last column, by a key's name."""
-    columns = ["key", "type", "unit", "default", "meaning", "levels"][: 5 + (levels is not None)]
-    text, section = "", None
+def csv_text(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
+    """The keys as CSV, one line each; `levels`: text of a last column, by a key's name."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    more = ["levels"] if levels is not None else []
+    writer.writerow(["key", "type", "unit", "default", "meaning", *more])
     for key in keys:
-        head, _, name = key.name.rpartition(".")
-        if head != section:
-            title = f"`[{head}]`" if head else "Outside of tables"
-            text += f"\n## {title}\n\n| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n"
-            section = head
-        cells = (
-            f"`{name}`",
-            key.type,
-            key.unit,
-            key.default,
-            key.meaning,
-            (levels or {}).get(key.name, ""),
-        )[: len(columns)]
-        text += "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
-    return text
+        cells = [key.name, key.type, key.unit, key.default, key.meaning]
+        writer.writerow(cells + ([levels.get(key.name, "")] if levels is not None else []))
+    return text.getvalue()
 
 
 def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:

@@ -1,4 +1,4 @@
-"""Formats declared once: checked at every reading and writing, shown in docs/formats.md."""
+"""Formats declared once, checked at every reading and writing, listed in docs/reference."""
 
 from __future__ import annotations
 
@@ -220,18 +220,16 @@ class Table:
         return table
 
 
-def markdown(schema: Schema) -> str:
-    """The schema as tables of docs/formats.md."""
-    text = f'`format = "{schema.format}"`, version {schema.version}\n'
-    for title, declared in (("", schema.root), ("Each group:\n\n", schema.group)):
-        attributes = "| attribute | units | |\n|---|---|---|\n"
-        arrays = "| variable | dimensions | units | |\n|---|---|---|---|\n"
-        for v in declared:
-            meaning = ("optional: " if v.optional else "") + v.meaning
-            if v.dims == "-":
-                attributes += f"| `{v.name}` | {v.units} | {meaning} |\n"
-            else:
-                arrays += f"| `{v.name}` | {v.dims} | {v.units} | {meaning} |\n"
-        tables = [table for table in (arrays, attributes) if table.count("\n") > 2]
-        text += "\n" + title + "\n".join(tables) if tables else ""
-    return text
+def rows(schema: Schema) -> list[tuple[str, ...]]:
+    """The schema as rows of docs/reference/formats.csv."""
+    return [
+        (
+            f"{schema.format} {schema.version}",
+            place + v.name,
+            "attribute" if v.dims == "-" else v.dims,
+            v.units,
+            ("optional: " if v.optional else "") + v.meaning,
+        )
+        for place, declared in (("", schema.root), ("<group>/", schema.group))
+        for v in declared
+    ]

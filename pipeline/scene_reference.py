@@ -1,4 +1,4 @@
-"""The reference of scene.toml, docs/scene_reference.md, and a template, from the scene's models."""
+"""The table of the keys of scene.toml and a template, from the models of a scene."""
 
 from __future__ import annotations
 
@@ -6,20 +6,12 @@ from pathlib import Path
 
 from fileio.atomic import write_text
 from fileio.json_text import flat
-from fileio.key_reference import MISSING, Key, keys_of, markdown, template
+from fileio.key_reference import MISSING, Key, csv_text, keys_of, template
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.scene.read_toml import read_layers
 from pipeline.scene.scene import Scene
 
-PAGE = Path("docs/scene_reference.md")
-HEAD = """# Every key of scene.toml
-
-Written by `softfinger reference` from the models that check a scene; a test keeps them equal. SI,
-but for keys with a unit in their name. A list of tables has its keys under `[name[]]`. *levels*:
-those of `cases/single_finger` with another value. A template:
-`softfinger new FOLDER`. Levels and child scenes win as in
-[formats](formats.md).
-"""
+PAGE = Path("docs/reference/scene_keys.csv")
 _OWN = [
     Key("title", "text", "", MISSING, "Of the scene, for people"),
     Key("extends", "text", "", "", "Folder of another scene; this one holds only the differences"),
@@ -44,17 +36,17 @@ def keys() -> list[Key]:
 
 
 def reference() -> str:
-    """The page."""
+    """The table; its last column names the levels of single_finger that set another value."""
     levels: dict[str, str] = {}
     for layer in read_layers(Path("cases/single_finger/scene.toml")):
         for level, table in layer.levels.items():
             for name in flat(table):
                 levels[name] = ", ".join(filter(None, (levels.get(name), level)))
-    return HEAD + markdown(keys(), levels)
+    return csv_text(keys(), levels)
 
 
 def write_reference() -> None:
-    """Write docs/scene_reference.md."""
+    """Write docs/reference/scene_keys.csv."""
     write_text(PAGE, reference())
 
 

@@ -1,7 +1,9 @@
-"""Write the tables of docs/formats.md: python -m fileio.formats."""
+"""Write docs/reference/formats.csv: python -m fileio.formats."""
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 
 from fileio.atomic import write_text
@@ -16,9 +18,9 @@ from fileio.formats import (
     recorded_motion,
     recording,
 )
-from fileio.schema import markdown
+from fileio.schema import rows
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "formats.csv"
 _MODULES = (
     plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
     finger_loads, lab_fields, elastic_motion,
@@ -26,18 +28,14 @@ _MODULES = (
 SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
 
 
-def with_tables(page: str) -> str:
-    """The page with the lines from `<!-- schema: NAME -->` to `<!-- end -->` written anew."""
-    for schema in SCHEMAS:
-        before, begin, rest = page.partition(f"<!-- schema: {schema.format} -->\n")
-        _, end, after = rest.partition("<!-- end -->")
-        if not end:
-            raise ValueError(
-                f"{PAGE}: no place for {schema.format!r}; add '<!-- schema: {schema.format} -->'"
-            )
-        page = before + begin + markdown(schema) + end + after
-    return page
+def table() -> str:
+    """The variables and attributes of every format, as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("format", "name", "dimensions", "unit", "meaning"))
+    writer.writerows(row for schema in SCHEMAS for row in rows(schema))
+    return text.getvalue()
 
 
 if __name__ == "__main__":
-    write_text(PAGE, with_tables(PAGE.read_text(encoding="utf-8")))
+    write_text(PAGE, table())

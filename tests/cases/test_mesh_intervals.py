@@ -71,7 +71,7 @@ def test_intervals_are_joined_without_a_seam(solved):
     assert [part["end"] for part in run_record["intervals"][:-1]] == [m["time"] for m in mappings]
     for mapping in mappings:
         # 0.8 % on few cells, most of it by the first pressure; the levels keep 0.2 %
-        # (docs/pinch_run.md). The mapped flow itself keeps its energy to rounding.
+        # (docs/mesh.md). The mapped flow itself keeps its energy to rounding.
         assert abs(mapping["jump_fraction"]) < 0.02
         assert abs(mapping["mapping_jump_fraction"]) < 1e-9
         assert mapping["force_settled_after"] <= 5e-3  # of eight steps that both intervals solve

@@ -15,27 +15,26 @@ from typing import Any
 
 from fileio.atomic import write_text
 
-PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks.md"
+PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks"
 
 
-def _parts(page: Path, mark: str) -> tuple[str, str, str]:
-    """Text before, between and after the comments `<!-- mark -->` and `<!-- end of mark -->`."""
-    head, rest = page.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
-    text, tail = rest.split(f"<!-- end of {mark} -->")
-    return head, text, tail
-
-
-def write_between(page: Path, mark: str, text: str) -> None:
-    """Replace the text between the two comments of a page."""
-    head, _, tail = _parts(page, mark)
-    page.write_text(
-        f"{head}<!-- {mark} -->\n{text}\n<!-- end of {mark} -->{tail}", encoding="utf-8"
-    )
-
-
-def between(page: Path, mark: str) -> str:
-    """The text between the two comments of `write_between`."""
-    return _parts(page, mark)[1]
+def write_study(name: str, text: str) -> None:
+    """Write the Markdown tables of a study as `<name>_<k>.csv`, and its other lines as text."""
+    tables: list[list[str]] = []
+    notes, before = [], ""
+    for line in text.splitlines():
+        if line.startswith("|"):
+            if not before.startswith("|"):
+                tables.append([])
+            tables[-1].append(line)
+        else:
+            notes.append(line)
+        before = line
+    for k, (head, _, *lines) in enumerate(tables, 1):
+        columns, *rows = ([c.strip() for c in row.strip("| ").split("|")] for row in (head, *lines))
+        cells = [dict(zip(columns, row, strict=True)) for row in rows]
+        write_table(PIV / f"{name}_{k}.csv", columns, cells)
+    write_text(PIV / f"{name}.txt", "\n".join(notes).strip() + "\n")
 
 
 def write_table(

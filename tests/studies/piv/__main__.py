@@ -1,4 +1,4 @@
-"""`make bench-piv`: every study of PIV in a process of its own; writes docs/piv_benchmarks.md.
+"""`make bench-piv`: every study of PIV in a process of its own; writes docs/piv_benchmarks.
 
 Pairs and peers' results lie in .venv-bench, so that a stopped run goes on.
 """

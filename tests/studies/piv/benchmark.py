@@ -2,7 +2,7 @@
 
 Flows are rendered with seeds that served no tuning (tuning used seeds below 100). CPU seconds of
 one core; RMS errors are per component over the vectors at least 24 px from the edge that every
-method gives. --docs writes the tables into docs/piv_benchmarks.md.
+method gives. --docs writes the tables into docs/piv_benchmarks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 
-from tests.studies.pages import PIV, machine, write_between
+from tests.studies.pages import machine, write_study
 from tests.studies.piv.figures import extra_figures
 from tests.studies.piv.flows import CASES, CENTRE, SHAPE, Case
 from tests.studies.piv.pairs import render_pair
@@ -125,7 +125,7 @@ def main() -> None:
     more = extra_figures()
     print(more)
     if args.docs:
-        write_between(PIV, "benchmark", f"{text}\n\n{more}")
+        write_study("benchmark", f"{text}\n\n{more}")
 
 
 if __name__ == "__main__":

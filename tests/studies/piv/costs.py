@@ -1,7 +1,7 @@
 """Costs of a large pair and of a plane of many vortices (make bench-piv).
 
 CPU time, which other programs on the machine hardly change. --docs writes the figures into
-docs/piv_benchmarks.md.
+docs/piv_benchmarks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from piv.vortices.find import find_vortices
-from tests.studies.pages import PIV, machine, write_between
+from tests.studies.pages import machine, write_study
 from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 from tests.studies.piv.turbulence_field import TurbulentPlane
@@ -87,9 +87,7 @@ def turbulent_vortices() -> str:
 def main() -> None:
     """Print the figures, and write them to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--docs", action="store_true", help="write them into docs/piv_benchmarks.md"
-    )
+    parser.add_argument("--docs", action="store_true", help="write them into docs/piv_benchmarks")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     text = (
@@ -97,7 +95,7 @@ def main() -> None:
     )
     print(text)
     if args.docs:
-        write_between(PIV, "costs", text)
+        write_study("costs", text)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """PIV where it becomes worse: short waves, few particles, walls, edges, real pictures.
 
 python -m tests.studies.piv.limits [--docs]   Own results only, seeds 3101 and up,
-which served no tuning; --docs writes them into docs/piv_benchmarks.md.
+which served no tuning; --docs writes them into docs/piv_benchmarks.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from piv.correlation.pair import correlate_pair
 from tests.shared_data import shared_data
-from tests.studies.pages import PIV, libraries, write_between
+from tests.studies.pages import libraries, write_study
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.noise import sampling, smoothing
 from tests.studies.piv.pairs import render_pair
@@ -168,7 +168,7 @@ def main() -> None:
     """Measure, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--docs", action="store_true", help="write what is found into docs/piv_benchmarks.md"
+        "--docs", action="store_true", help="write what is found into docs/piv_benchmarks"
     )
     args = parser.parse_args()
     cv2.setNumThreads(1)
@@ -186,7 +186,7 @@ def main() -> None:
     text = "\n".join([*lines, "", f"Seeds from {FIRST}; {libraries()}."])
     print(text)
     if args.docs:
-        write_between(PIV, "limits", text)
+        write_study("limits", text)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 No setting was set on them. The shared data (tests/shared_data.py) hold copies of the repositories
 quenot/opflow, erizmr/UnLiteFlowNet-PIV and shengzesnail/PIV-LiteFlowNet-en in folders of the
 repositories' names; none of it may be passed on with the project. --docs writes the table into
-docs/piv_benchmarks.md.
+docs/piv_benchmarks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from tests.shared_data import shared_data
-from tests.studies.pages import PIV, libraries, write_between
+from tests.studies.pages import libraries, write_study
 from tests.studies.piv.scores import EDGE, TOLD, absent, inner, joined, rms_of, speed, told
 from tests.studies.piv.with_peers import OURS, Pair, arguments, compared
 
@@ -156,7 +156,7 @@ def main() -> None:
     text = tables(results)
     print(text)
     if args.docs:
-        write_between(PIV, "public", text)
+        write_study("public", text)
 
 
 if __name__ == "__main__":

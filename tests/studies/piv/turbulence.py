@@ -1,7 +1,7 @@
 """Planes of three-dimensional turbulence against the peers (make bench-piv).
 
 Seeds 4201 and up, which served no tuning. The peers' configurations are those of the benchmark, in
-the same environment. --docs writes the tables into docs/piv_benchmarks.md; --alone leaves the peers
+the same environment. --docs writes the tables into docs/piv_benchmarks; --alone leaves the peers
 out and prints only.
 """
 
@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from tests.studies.pages import PIV, libraries, write_between
+from tests.studies.pages import libraries, write_study
 from tests.studies.piv.flows import SHAPE
 from tests.studies.piv.particles import render
 from tests.studies.piv.scores import TOLD, inner, rms_of, speed, told
@@ -113,7 +113,7 @@ def main() -> None:
     text = tables(*run(seeds, args.folder, args.alone), seeds)
     print(text)
     if args.docs:
-        write_between(PIV, "turbulence", text)
+        write_study("turbulence", text)
 
 
 if __name__ == "__main__":

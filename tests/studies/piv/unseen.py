@@ -1,6 +1,6 @@
 """Flows that served no tuning, with their own seeds (python -m tests.studies.piv.unseen).
 
-Own results only; --docs writes the table into docs/piv_benchmarks.md.
+Own results only; --docs writes the table into docs/piv_benchmarks.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
-from tests.studies.pages import PIV, libraries, write_between
+from tests.studies.pages import libraries, write_study
 from tests.studies.piv.flows import CENTRE, SHAPE, lamb_oseen
 from tests.studies.piv.pairs import render_pair
 from tests.studies.piv.scores import EDGE, HEAD, Errors, inner, judged, row
@@ -80,14 +80,14 @@ def main() -> None:
     """Print the table, and write it to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--docs", action="store_true", help="write the table into docs/piv_benchmarks.md"
+        "--docs", action="store_true", help="write the table into docs/piv_benchmarks"
     )
     args = parser.parse_args()
     cv2.setNumThreads(1)
     text = table()
     print(text)
     if args.docs:
-        write_between(PIV, "unseen", text)
+        write_study("unseen", text)
 
 
 if __name__ == "__main__":

@@ -78,7 +78,7 @@ def arguments(
     )
     end = parser.add_mutually_exclusive_group()
     end.add_argument(
-        "--docs", action="store_true", help="write the tables into docs/piv_benchmarks.md"
+        "--docs", action="store_true", help="write the tables into docs/piv_benchmarks"
     )
     if alone:
         end.add_argument(

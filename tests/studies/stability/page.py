@@ -169,7 +169,7 @@ def faults_part(folder: Path) -> list[str]:
         " make goes on and ends with what an undisturbed run ends with: bit by bit, the solver's"
         f" tables at least within 1e-6. {f'{len(bad)} did not.' if bad else 'All did.'} By stage:"
         " [stage_kills.csv](stability/stage_kills.csv). Whole runs that were killed eight times in"
-        " succession: [record](record/studies.md#kills-of-whole-runs).\n",
+        " succession: [record](record/studies.md).\n",
         *(f"- {row['stage']}: {row['difference']}" for row in bad),
         "## Disks, paths, OpenFOAM, two makes (`make faults`)\n",
         f"{len(faults)} conditions: {', '.join(f'{n} {kind}' for kind, n in kinds.items())}. Each"

@@ -8,6 +8,7 @@ from typing import Any
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
+from tests.studies.pages import write_table
 from tests.studies.validation.checks import FORMAT
 from tests.studies.validation.figures import FIGURES
 
@@ -17,8 +18,8 @@ ORDER = (
     "plate_medium_layer", "plate_thin_layer", "plate_accelerating", "deforming_mesh",
     "exact_fields", "finger_2d", "finger",
 )  # fmt: skip
-TABLE = "| quantity | reference | result | deviation | tolerance | why | |\n" + 7 * "|---" + "|\n"
-COSTS = {"cells": "{} cells", "steps": "{} steps", "cpu_seconds": "{} s of CPU time"}
+COLUMNS = ("flow", "check", "quantity", "reference", "result", "deviation", "tolerance", "met",
+           "why", "source", "date")  # fmt: skip
 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:
@@ -45,20 +46,19 @@ def _page(results: list[dict[str, Any]], figures: set[str]) -> str:
     checks = [check for result in results for check in result["checks"]]
     missed = [check for check in checks if not check["met"]]
     text = (Path(__file__).parent / "ledger_head.md").read_text(encoding="utf-8")
-    text += f"\n{len(checks)} checks, {len(checks) - len(missed)} met, {len(missed)} missed."
-    for check in missed:
-        reference = "" if check["reference"] is None else f"{check['reference']:.4g} "
-        wanted = f"{check['result']:.4g}, wanted {reference}{_tolerance(check)}"
-        text += f"\n- missed: {check['quantity']} (`{check['id']}`): {wanted}"
-    text += "\n"
+    text += f"\n{len(checks)} checks: {len(checks) - len(missed)} met, {len(missed)} missed.\n"
+    text += "\n| flow | checks met | measured | reference |\n|---|---|---|---|\n"
     for result in results:
-        text += f"\n## {result['title']}\n\n{result['text']}\n\n{TABLE}"
-        text += "".join(_row(check) for check in result["checks"])
+        met = sum(check["met"] for check in result["checks"])
         sources = sorted({c["source"] for c in result["checks"] if c["source"]})
-        text += f"\nReference: {'; '.join(sources)}. " if sources else "\n"
-        text += f"{_origin(result)}\n"
-        if result["remarks"]:
-            text += "".join(f"\n- {remark}" for remark in result["remarks"]) + "\n"
+        cells = (result["title"], f"{met} of {len(result['checks'])}", result["date"])
+        text += f"| {' | '.join(cells)} | {'; '.join(sources)} |\n"
+    text += "\n## Missed\n\n| quantity | result | tolerance |\n|---|---|---|\n"
+    for check in missed:
+        row = _row(check)
+        text += f"| {row['quantity']} | {row['result']} | {row['reference']} {row['tolerance']} |\n"
+    text += "\n## Figures\n"
+    for result in results:
         if result["name"] in figures:
             text += f"\n![{result['title']}](verification/{result['name']}.svg)\n"
     return text
@@ -68,14 +68,20 @@ def _unit(check: dict[str, Any]) -> str:
     return "" if check["unit"] == "1" else f" {check['unit']}"
 
 
-def _row(check: dict[str, Any]) -> str:
-    """One line of a table."""
+def _row(check: dict[str, Any]) -> dict[str, str]:
+    """One line of the table of checks."""
     unit, gap = _unit(check), check["deviation"]
-    reference = "" if check["reference"] is None else f"{check['reference']:.4g}{unit}"
-    deviation = {"relative": f"{gap:+.2%}", "absolute": f"{gap:+.3g}"}.get(check["how"], "")
-    result = f"{check['result']:.4g}{unit}"
-    cells = (check["quantity"], reference, result, deviation, _tolerance(check), check["why"])
-    return f"| {' | '.join(cells)} | {'met' if check['met'] else '**missed**'} |\n"
+    return {
+        "check": check["id"],
+        "quantity": check["quantity"],
+        "reference": "" if check["reference"] is None else f"{check['reference']:.4g}{unit}",
+        "result": f"{check['result']:.4g}{unit}",
+        "deviation": {"relative": f"{gap:+.2%}", "absolute": f"{gap:+.3g}"}.get(check["how"], ""),
+        "tolerance": _tolerance(check),
+        "met": "met" if check["met"] else "missed",
+        "why": check["why"],
+        "source": check["source"],
+    }
 
 
 def _tolerance(check: dict[str, Any]) -> str:
@@ -87,17 +93,8 @@ def _tolerance(check: dict[str, Any]) -> str:
     return f"{sign} {value:.3g}{_unit(check)}"
 
 
-def _origin(result: dict[str, Any]) -> str:
-    """Date, versions and cost."""
-    versions, made = result["versions"], result["provenance"]
-    names = [name for name in ("OpenFOAM", "numpy", "scipy") if name in versions]
-    parts = [f"Measured {result['date']}", *(f"{name} {versions[name]}" for name in names)]
-    parts += [words.format(made[key]) for key, words in COSTS.items() if key in made]
-    return ", ".join(parts) + "."
-
-
 def write_ledger(docs: Path = DOCS) -> int:
-    """Write the page and its figures; returns the number of missed checks."""
+    """Write page, table and figures; returns the number of missed checks."""
     folder = docs / "verification"
     results = read_results(folder)
     if not results:
@@ -109,4 +106,10 @@ def write_ledger(docs: Path = DOCS) -> int:
             draw(result["curves"], folder / f"{result['name']}.svg")
             drawn.add(result["name"])
     write_text(docs / "verification.md", _page(results, drawn))
+    rows = [
+        {"flow": result["name"], "date": result["date"]} | _row(check)
+        for result in results
+        for check in result["checks"]
+    ]
+    write_table(folder / "checks.csv", COLUMNS, rows)
     return sum(not check["met"] for result in results for check in result["checks"])

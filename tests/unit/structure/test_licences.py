@@ -1,5 +1,6 @@
-"""docs/licences.md names every locked package, with a licence that goes with the project's."""
+"""docs/reference/licences.csv names every locked package; its licences go with the project's."""
 
+import csv
 import importlib.metadata
 import re
 import tomllib
@@ -22,13 +23,11 @@ GOOD = {"0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "MIT", 
 
 
 def table():
-    lines = (ROOT / "docs" / "licences.md").read_text().splitlines()
-    rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in lines
-        if line.startswith("| ")
-    ]
-    return {name: (licence, lock.split(" and ")) for name, licence, lock in rows[1:]}
+    with (ROOT / "docs" / "reference" / "licences.csv").open() as file:
+        return {
+            row["package"]: (row["licence"], row["lock"].split(" and "))
+            for row in csv.DictReader(file)
+        }
 
 
 def test_every_locked_package_has_a_row_and_no_other():

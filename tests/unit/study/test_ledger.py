@@ -45,9 +45,10 @@ def test_the_ledger_lists_every_check_and_the_missed_ones(tmp_path):
         write_result(result, folder / f"{result.name}.json")
     assert write_ledger(tmp_path) == 1
     page = (tmp_path / "verification.md").read_text()
-    assert "2 checks, 1 met, 1 missed" in page
-    assert "| thing | 2 | 2 | +0.00% |" in page
-    assert page.count("**missed**") == 2  # in the head and in the row
+    assert "2 checks: 1 met, 1 missed" in page
+    assert "| thing | 3 m | 2 m ± 10 % |" in page.partition("## Missed")[2]
+    rows = (folder / "checks.csv").read_text().splitlines()
+    assert [row.split(",")[7] for row in rows] == ["met", "met", "missed"]
     assert "verification/impulsive_cylinder.svg" in page
     assert (folder / "impulsive_cylinder.svg").stat().st_size > 1000
     assert json.loads((folder / "other.json").read_text())["checks"][0]["met"] is False
