@@ -23,7 +23,7 @@ suppress_warnings = [
 ]
 
 # Read, not imported: the site needs none of the project's own libraries.
-autoapi_dirs = [str(ROOT / package) for package in ("fileio", "piv", "pipeline", "postprocess")]
+autoapi_dirs = [str(ROOT / package) for package in ("fileio", "piv")]
 autoapi_root = "api"
 autoapi_add_toctree_entry = False
 autoapi_options = ["members", "show-module-summary"]
