@@ -53,7 +53,8 @@ dwdz?~  time?, y, x  1/s  its gradient across the sheet
 p?~  time?, y, x  Pa  pressure without the hydrostatic part, zero far away
 """)
     + FINGERS
-    + ORIGIN,
+    + ORIGIN
+    + variables("interval?  -  s  between the exposures of a pair, where it is the same for all"),
 )
 AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by variable
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
@@ -137,6 +138,11 @@ class Planes:
 def vectors_of(plane: xr.Dataset) -> xr.Dataset:
     """A plane (series) with `VECTORS` alone."""
     return plane[[name for name in VECTORS if name in plane]]
+
+
+def fields_of(plane: xr.Dataset) -> list[str]:
+    """Names of the fields: variables over (y, x), or (time, y, x)."""
+    return [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
 
 
 def usable(plane: xr.Dataset) -> xr.DataArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import cv2
@@ -20,6 +21,7 @@ from piv.images.calibration import (
     rectify_image,
     save_calibration,
 )
+from piv.images.clock import INTERVAL_HELP, RATE_HELP
 from piv.images.open_recording import open_recording
 
 
@@ -67,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     use = parser.add_argument_group("apply a calibration")
     use.add_argument("--apply", type=Path, metavar="JSON", help="calibration file")
     use.add_argument("--vectors", type=Path, help="plane (series) in px, .h5")
-    use.add_argument("--interval", type=float, help="time between the exposures of a pair, s")
+    use.add_argument("--interval", type=float, help=f"{INTERVAL_HELP}, where the file has none")
+    use.add_argument("--rate", type=float, help=f"{RATE_HELP}, where the file has no times")
     use.add_argument("--image", help="an image to rectify")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
@@ -138,15 +141,15 @@ def _apply(args: argparse.Namespace) -> None:
         if not args.quiet:
             print(f"{args.output}: {flat.shape[1]} x {flat.shape[0]} px")
         return
-    if args.interval is None:
-        raise ValueError(
-            "--vectors needs --interval, the time between the exposures of a pair in s"
-        )
     with read_checked_plane(args.vectors) as plane:
         if plane["x"].attrs.get("units") != "px":
             raise ValueError(
                 f"{args.vectors}: x is in {plane['x'].attrs.get('units')!r}, a calibration wants px"
             )
-        write_plane(calibrate_plane(plane, calibration, args.interval), args.output)
+        calibrated = calibrate_plane(plane, calibration, args.interval, args.rate)
+        write_plane(calibrated, args.output)
+    if lost := [str(n) for n in plane.data_vars if n not in calibrated]:
+        text = "through a lens the vectors alone are taken; left out"
+        print(f"{args.output}: {text}: {', '.join(lost)}", file=sys.stderr)
     if not args.quiet:
         report(args.output)

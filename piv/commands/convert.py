@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
-from piv.foreign.write import write_vectors
+from piv.foreign.write import left_out, write_vectors
 from piv.images.calibration import load_calibration
+from piv.images.clock import INTERVAL_HELP, RATE_HELP
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help=".h5, .nc (pivpy), .csv, .vti, .txt (OpenPIV), .dat (Tecplot), .vc7 (DaVis)",
+        help=".h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV), .vc7 (DaVis)",
     )
     parser.add_argument(
         "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"
@@ -40,12 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibration", type=Path, help="calibration .json without a lens, in place of the scale"
     )
-    parser.add_argument("--interval", type=float, help="s between the exposures of a pair")
+    parser.add_argument("--interval", type=float, help=INTERVAL_HELP)
+    parser.add_argument("--rate", type=float, help=f"{RATE_HELP}, of a series without times")
     parser.add_argument(
         "--image-rows", type=int, help="height of the image, for px that count downwards"
-    )
-    parser.add_argument(
-        "--frame-rate-hz", type=float, help="instants per second of a series of files"
     )
     parser.add_argument(
         "--keep-replaced",
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Convert."""
-    for name in ("scale_mm_per_px", "interval", "frame_rate_hz", "image_rows"):
+    for name in ("scale_mm_per_px", "interval", "rate", "image_rows"):
         value = getattr(args, name)
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     plane = read_vectors(
         args.input,
         kind=args.kind,
-        frame_rate_hz=args.frame_rate_hz,
+        rate=args.rate,
         keep_replaced=args.keep_replaced,
         zero_is_absent=args.zero_is_absent,
         length_unit=args.length_unit,
@@ -93,5 +93,8 @@ def run(args: argparse.Namespace) -> None:
         moved = {n: plane[n].copy(data=plane[n] - s) for n, s in zip("xy", shift, strict=True)}
         plane = plane.assign_coords(moved)
     files = write_vectors(plane, args.output)
+    if lost := left_out(plane, args.output):
+        kind = args.output.suffix
+        print(f"{args.output}: {kind} holds no {', '.join(lost)}; left out", file=sys.stderr)
     if not args.quiet:
         print(f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {summary(plane)}")

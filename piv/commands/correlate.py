@@ -11,8 +11,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from fileio.formats.recording import CAMERA
 from piv.commands.settings import add_fields, build, report, run_with
 from piv.correlation.options import Options
+from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
@@ -24,7 +26,7 @@ _FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
 
 @dataclass(frozen=True)
 class _RecordingCamera:
-    """Scale, origin and frame rate that replace those of the recording."""
+    """Scale, origin and clock that replace those of the recording."""
 
     scale_mm_per_px: Annotated[
         float | None, "mm per pixel (default the recording's, else results in px)"
@@ -35,8 +37,9 @@ class _RecordingCamera:
     origin_y_px: Annotated[
         float | None, "y of the origin, px up from the bottom (default the recording's, else 0)"
     ] = None
-    frame_rate_hz: Annotated[
-        float | None, "frames per second (default the recording's, else times in frames)"
+    interval: Annotated[float | None, f"{INTERVAL_HELP} (default the recording's)"] = None
+    rate: Annotated[
+        float | None, f"{RATE_HELP} (default the recording's, else times in frames)"
     ] = None
 
     def __post_init__(self) -> None:
@@ -108,9 +111,7 @@ def make(
     )
     chunk = _chunk(settings["chunk"]) if settings.get("chunk") else None
     sources = [source] if isinstance(source, str | Path) else source
-    with open_recording(
-        sources, frame_rate_hz=camera.frame_rate_hz, colour=settings.get("colour", "refuse")
-    ) as recording:
+    with open_recording(sources, colour=settings.get("colour", "refuse")) as recording:
         if len(recording) < 2:
             raise ValueError(
                 f"{recording.name}: one frame is no pair; give two images or a recording"
@@ -122,12 +123,21 @@ def make(
                 file=sys.stderr,
                 flush=True,
             )
-        if camera.scale_mm_per_px is not None and recording.times is None:
+        sequence = sequence.of(recording)
+        assert sequence.pairing is not None
+        set_clock(recording, sequence.pairing, camera.interval, camera.rate, sequence.skip)
+        if (
+            camera.scale_mm_per_px is not None
+            and recording.times is None
+            and recording.interval is None
+        ):
             raise ValueError(
-                f"{recording.name}: scale_mm_per_px gives m/s with the times of its frames; "
-                "give frame_rate_hz too"
+                f"{recording.name}: --scale-mm-per-px gives m/s with the time between the "
+                "exposures; give --interval too"
             )
-        recording.attrs |= {k: float(v) for k, v in vars(camera).items() if v is not None}
+        recording.attrs |= {
+            k: float(v) for k, v in vars(camera).items() if v is not None and k in CAMERA
+        }
         part = part_of_recording(
             recording,
             settings.get("mask"),

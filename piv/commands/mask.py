@@ -14,6 +14,8 @@ from tqdm import tqdm
 from fileio.atomic import write_bytes
 from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_netcdf
+from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
+from piv.images.image_files import PAIRINGS
 from piv.images.masks import dark_body, outline_masks, polygons_mask, read_mask
 from piv.images.open_recording import Recording, open_recording
 
@@ -42,8 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline"
     )
+    parser.add_argument("--interval", type=float, help=f"{INTERVAL_HELP}; of --outline")
     parser.add_argument(
-        "--frame-rate-hz", type=float, help="Hz; of --outline, where the recording has none"
+        "--rate", type=float, help=f"{RATE_HELP}; of --outline, where the recording has no times"
     )
     parser.add_argument(
         "--threshold", type=float, help="grey level of --dark (default: from each frame)"
@@ -77,7 +80,8 @@ def run(args: argparse.Namespace) -> None:
             )
     if args.min_area >= 1:
         raise ValueError(f"--min-area is a part of the picture, below 1, got {args.min_area:g}")
-    with open_recording(args.recording, frame_rate_hz=args.frame_rate_hz) as recording:
+    with open_recording(args.recording) as recording:
+        set_clock(recording, recording.pairing or PAIRINGS[0], args.interval, args.rate)
         if args.output.suffix.lower() == ".png":
             if args.polygon is None and args.image is None:
                 raise ValueError(
@@ -131,7 +135,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], nd
             f"{recording.name}: no scale or origin in it; give --scale-mm-per-px and --origin"
         )
     if recording.times is None:
-        raise ValueError(f"{recording.name}: no frame rate in it; give --frame-rate-hz")
+        raise ValueError(f"{recording.name}: no times in it; give --interval or --rate")
     with open_netcdf(args.outline) as series:
         bodies = outline_masks(series, recording.times, pixel, (origin[0], origin[1]))
     return lambda i: polygons_mask(bodies[i], recording.shape)

@@ -6,12 +6,7 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from fileio.formats.plane_series import BLOCK, check_vectors
-
-
-def fields_of(plane: xr.Dataset) -> list[str]:
-    """Names of the fields: variables over (y, x), or (time, y, x)."""
-    return [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
+from fileio.formats.plane_series import BLOCK, check_vectors, fields_of
 
 
 def blocks(series: xr.Dataset, names: list[str] | None = None) -> Iterator[xr.Dataset]:

@@ -204,7 +204,7 @@ def _dataset(series, fields, centres, centre_units, stops, snapshots, batches) -
             plane[name].attrs["units"] = "1"
         elif name != "time":
             plane[name].attrs["units"] = velocity
-    plane.attrs = {k: v for k, v in series.attrs.items() if k in ("source", "scale_mm_per_px")}
+    plane.attrs = dict(series.attrs)
     plane.attrs["inefficiency_u"], plane.attrs["inefficiency_v"] = (
         [float(b[k].inefficiency()) for b in batches] for k in (0, 1)
     )

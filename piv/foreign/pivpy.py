@@ -10,7 +10,7 @@ import xarray as xr
 
 from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, read_plane
-from fileio.hdf5 import open_netcdf
+from fileio.hdf5 import open_netcdf, whole_netcdf
 
 # which pivpy writes for whatever it has read, metres among them: it states nothing
 DEFAULT_UNIT = "pix"
@@ -51,9 +51,25 @@ def own_netcdf(path: Path) -> xr.Dataset:
     if "t" not in data.dims:
         data.close()
         return read_plane(path)
-    back = data.rename(t="time", chc="valid").transpose("time", "y", "x")
+    back = data.rename(t="time", chc="valid").transpose("time", "y", "x", ...)
+    if not back.attrs.pop("series", 1):
+        back = back.isel(time=0, drop=True)
+    back.attrs.pop("delta_t", None)
     back.set_close(data.close)
     return back
+
+
+def write_pivpy(plane: xr.Dataset, path: Path) -> None:
+    """netCDF-4 in the layout of pivpy: dimensions y, x, t; `chc` 1 = measured; every variable."""
+    single = "time" not in plane.dims
+    series = plane.expand_dims(time=[0.0]) if single else plane
+    out = series.rename(time="t", valid="chc").transpose("y", "x", "t", ...)
+    interval = float(np.diff(out["t"].values[:2])[0]) if out.sizes["t"] > 1 else 0.0
+    out["t"].attrs.setdefault("units", "frame" if plane["x"].attrs.get("units") == "px" else "s")
+    out.attrs = (
+        plane.attrs | SCHEMA.label | {"delta_t": interval} | ({"series": 0} if single else {})
+    )
+    whole_netcdf(out, path)
 
 
 def read_pivpy(path: Path) -> Iterator[tuple]:

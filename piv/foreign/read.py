@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
+from numpy import ndarray
 
-from fileio.errors import one_line
-from fileio.formats.plane_series import checked, make_plane, read_checked_plane, read_plane
+from fileio.formats.plane_series import checked, make_plane, read_plane
 from fileio.json_text import natural_key
 from piv.foreign.pivpy import netcdf_layout, own_netcdf, read_pivpy
 from piv.foreign.vector_files import (
@@ -23,6 +23,9 @@ from piv.foreign.vector_files import (
     read_pivlab,
     read_tecplot,
 )
+from piv.foreign.whole import read_csv, read_whole
+from piv.foreign.write import units_of
+from piv.images.calibration import Calibration, calibrate_plane
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6}
@@ -134,60 +137,102 @@ def read_vectors(
     paths: Sequence[str | Path],
     *,
     kind: str | None = None,
-    frame_rate_hz: float | None = None,
+    rate: float | None = None,
     keep_replaced: bool = False,
     zero_is_absent: bool = False,
-    **units: object,
+    **units: Any,
 ) -> xr.Dataset:
     """Vectors of one file (a plane) or of several, one instant each (a series), as a plane in SI.
 
-    `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs
-    `frame_rate_hz`. `zero_is_absent`: vectors of exactly (0, 0), which some programs write where
-    they have none, become masked.
+    `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs its `rate`
+    (Hz) where its files hold no times. `zero_is_absent`: vectors of exactly (0, 0), which some
+    programs write where they have none, become masked. Files of this project stay as they are but
+    for vectors in px, which scale and interval take to SI.
     """
     files = [Path(p) for p in paths]
     if not files:
         raise ValueError("no vector file given")
+    if kind in (None, "csv", "plane") and (plane := read_own(files[0])) is not None:
+        if len(files) > 1:
+            raise ValueError(f"{files[0]}: give one file; it holds all instants itself")
+        if keep_replaced or zero_is_absent:
+            raise ValueError(
+                f"{files[0]}: --keep-replaced and --zero-is-absent are of other programs' files"
+            )
+        return _in_units(checked(plane, files[0]), str(files[0]), rate, **units)
     kinds = {kind or guess_format(p) for p in files}
     if len(kinds) > 1:
         raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
     kind = kinds.pop()
-    if kind in ("plane", "csv", "pivpy") and len(files) > 1:
-        raise ValueError(f"{files[0]}: give one {kind} file; it holds all instants itself")
-    if kind in ("plane", "csv"):
-        return _read_nc_or_plane(files[0]) if kind == "plane" else read_csv(files[0])
+    if kind == "pivpy" and len(files) > 1:
+        raise ValueError(f"{files[0]}: give one file; it holds all instants itself")
     if kind not in READERS:
         raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
     files.sort(key=natural_key)
-    planes, names = [], []
+    planes, names, times = [], [], []
     for path in files:
         for vectors in _instants(path, kind, keep_replaced):
             if zero_is_absent:
                 vectors.flag[(vectors.u == 0) & (vectors.v == 0)] = 2
-            planes.append(to_plane(vectors, str(path), **units))  # type: ignore[arg-type]
+            planes.append(to_plane(vectors, str(path), **units))
             names.append(path)
-    attrs = {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
+            times.append(vectors.time)
+    attrs: dict[str, Any] = {
+        "source": "lab", "imported_from": json.dumps([p.name for p in files])
+    }  # fmt: skip
+    if units.get("interval_s") is not None:
+        attrs["interval"] = float(units["interval_s"])
     if len(planes) == 1:
         return planes[0].assign_attrs(attrs)
     first = planes[0]
-    in_px = first["x"].attrs["units"] == "px"
-    if in_px and frame_rate_hz is not None:
-        raise ValueError(
-            "displacements in px have their time in frames; leave out --frame-rate-hz, or give a "
-            "scale too"
-        )
-    if not in_px and (frame_rate_hz is None or not frame_rate_hz > 0):
-        raise ValueError(f"{len(planes)} instants are a series in time; give --frame-rate-hz")
     for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
-    time = np.arange(len(planes)) / (frame_rate_hz or 1.0)
-    series = make_plane(first["x"].values, first["y"].values, time=time, **stack).assign_attrs(
-        attrs
-    )
-    return with_units(series, "px", "px", "frame") if in_px else series
+    in_px = first["x"].attrs["units"] == "px"
+    time, unit = _times(times, rate, in_px)
+    series = make_plane(first["x"].values, first["y"].values, time=time, **stack)
+    series["time"].attrs["units"] = unit
+    series = series.assign_attrs(attrs)
+    return with_units(series, "px", "px", unit) if in_px else series
+
+
+def _times(times: list[float | None], rate: float | None, in_px: bool) -> tuple[ndarray, str]:
+    """Times of instants and their unit; ValueError where those in m/s have none."""
+    stated = np.array([np.nan if t is None else t for t in times])
+    if rate is not None:
+        return np.arange(len(times)) / rate, "s"
+    if np.isfinite(stated).all() and (np.diff(stated) > 0).all():
+        return stated, "s"
+    if not in_px:
+        raise ValueError(f"{len(times)} instants are a series in time; give --rate")
+    return np.arange(len(times), dtype=float), "frame"
+
+
+def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) -> xr.Dataset:
+    """A file of this project in what the caller states; ValueError for what contradicts it."""
+    length, velocity = units_of(plane)
+    stated = {"length_unit": length, "velocity_unit": velocity, "y_axis": "up"}
+    if velocity == "px":
+        stated["velocity_unit"] = "px/frame"
+    for key, value in stated.items():
+        _agreed(name, f"--{key.replace('_', '-')}", value, units.get(key), [value])
+    scale, interval = units.get("scale_mm_per_px"), units.get("interval_s")
+    if units.get("image_rows") is not None:
+        raise ValueError(f"{name}: --image-rows is of files that count px downwards")
+    if scale is None and interval is None and rate is None:
+        return plane
+    if length != "px":
+        raise ValueError(
+            f"{name}: is in {length} and {velocity}; a scale or a clock would contradict it"
+        )
+    if scale is None:
+        raise ValueError(f"{name}: is in px; give --scale-mm-per-px or --calibration too")
+    try:
+        return calibrate_plane(plane, Calibration(scale), interval, rate)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 def open_vectors(path: str | Path) -> xr.Dataset:
@@ -196,11 +241,12 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     ValueError, or FileNotFoundError, in one sentence.
     """
     path = Path(path)
-    if path.suffix.lower() == ".h5":
-        return read_plane(path)
-    if path.suffix.lower() == ".nc" and netcdf_layout(path) == "plane":
-        return own_netcdf(path)
-    if path.suffix.lower() not in (".csv", ".txt", ".dat", ".vc7"):
+    if not path.is_file():
+        kind = "is a folder; give a file" if path.is_dir() else "no such file"
+        raise FileNotFoundError(f"{path}: {kind}")
+    if (plane := read_own(path)) is not None:
+        return plane
+    if path.suffix.lower() not in (".txt", ".dat", ".vc7"):
         raise ValueError(
             f"{path}: no file of vectors; piv convert makes one of other programs' files, piv "
             "correlate of images"
@@ -208,50 +254,23 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     return read_vectors([path])
 
 
+def read_own(path: Path) -> xr.Dataset | None:
+    """A file that this project wrote, those of HDF5 lazily; None for other programs' files."""
+    suffix = path.suffix.lower()
+    if suffix == ".h5":
+        return read_plane(path)
+    if suffix == ".nc":
+        return own_netcdf(path) if netcdf_layout(path) == "plane" else None
+    if suffix == ".csv":
+        return read_csv(path) if guess_format(path) == "csv" else None
+    return read_whole(path)
+
+
 def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:
     if kind == "pivlab":
         return read_pivlab(path, keep_replaced=keep_replaced)
     if kind == "pivpy":
         return [Vectors(*instant) for instant in read_pivpy(path)]
-    return [{"openpiv": read_openpiv, "tecplot": read_tecplot, "davis": read_davis}[kind](path)]
-
-
-def _read_nc_or_plane(path: Path) -> xr.Dataset:
-    return (
-        checked(own_netcdf(path), path)
-        if path.suffix.lower() == ".nc"
-        else read_checked_plane(path)
-    )
-
-
-def read_csv(path: Path) -> xr.Dataset:
-    """A plane (series) from `write_csv`."""
-    try:
-        with path.open() as file:
-            first = file.readline()
-        head = json.loads(first.lstrip("# "))
-        table = pd.read_csv(path, comment="#")
-        x, y, time = (np.unique(table[n]) for n in ("x", "y", "time"))
-        table = table.sort_values(["time", "y", "x"])
-        shape = (time.size, y.size, x.size)
-        names = [n for n in table.columns if n not in ("time", "x", "y")]
-        fields = {n: table[n].to_numpy(float).reshape(shape) for n in names}
-        if missing := [n for n in ("u", "v", "valid") if n not in names]:
-            raise ValueError(f"column {missing[0]!r} is missing")
-        for n in ("valid", "flag"):
-            if n in names and not np.isin(fields[n], range(256)).all():
-                raise ValueError(f"column {n!r} holds other than whole numbers from 0 to 255")
-        units = head["length_unit"], head["velocity_unit"], head.get("time_unit", "s")
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise ValueError(
-            f"{path}: not a CSV of vectors as this program writes ({one_line(error)})"
-        ) from error
-    for n in ("valid", "flag"):
-        if n in fields:
-            fields[n] = fields[n].astype(np.uint8)
-    if not head.get("series", True):
-        fields = {n: a[0] for n, a in fields.items()}
-    plane = make_plane(x, y, time=time if head.get("series", True) else None, **fields)
-    return with_units(plane, *units)
+    if kind == "tecplot":
+        return read_tecplot(path)
+    return [{"openpiv": read_openpiv, "davis": read_davis}[kind](path)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ class Vectors:
     length_unit: str | None = None  # "m", "mm", "px", ...
     velocity_unit: str | None = None  # "m/s", "mm/s", "px/frame", ...
     y_axis: str | None = None  # "up" or "down", of positions and of v alike
+    time: float | None = None  # s
 
 
 def guess_format(path: Path) -> str:
@@ -137,11 +138,11 @@ def read_openpiv(path: Path) -> Vectors:
     return Vectors(*_grid(path, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], flag), *units)
 
 
-def read_tecplot(path: Path) -> Vectors:
-    """A Tecplot ASCII zone, POINT packing, as of MicroVec; units from names like "X (mm)".
+def read_tecplot(path: Path) -> Iterator[Vectors]:
+    """Tecplot ASCII zones, POINT packing, as of MicroVec; units from names like "X (mm)".
 
     Columns: x, y and u, v (also vx, vy). A column `chc`, `isvalid` or `valid` > 0 marks measured
-    vectors.
+    vectors. A zone is an instant; its SOLUTIONTIME is taken as s.
     """
     text = _head(path, 1 << 30)
     names_text = re.search(
@@ -150,15 +151,23 @@ def read_tecplot(path: Path) -> Vectors:
     if names_text is None:
         raise ValueError(f"{path}: no line VARIABLES = ... as Tecplot files have")
     names = [a or b for a, b in re.findall(r'"([^"]*)"|([^\s,"]+)', names_text.group(1))]
-    if len(re.findall(r"^\s*zone\b", text, re.IGNORECASE | re.MULTILINE)) > 1:
-        raise ValueError(f"{path}: several zones; give one instant per file")
     if re.search(r"(datapacking|\bf)\s*=\s*block", text, re.IGNORECASE):
         raise ValueError(f"{path}: BLOCK packing; write the file with POINT packing")
-    lines = [
-        ln
-        for ln in text[names_text.end() :].splitlines()
-        if re.match(r"\s*[-+]?(\d|\.\d|nan)", ln, re.I)
-    ]
+    upward = re.search(
+        r'title\s*=\s*"[^"]*, y (up|down)"', text[: names_text.start()], re.IGNORECASE
+    )
+    zones = re.split(r"^\s*zone\b", text[names_text.end() :], flags=re.IGNORECASE | re.MULTILINE)
+    for zone in zones[1:] or zones:
+        time = re.search(r"solutiontime\s*=\s*([-+.\deE]+)", zone, re.IGNORECASE)
+        yield replace(
+            _tecplot_zone(path, zone, names),
+            y_axis=upward.group(1) if upward else None,
+            time=float(time.group(1)) if time else None,
+        )
+
+
+def _tecplot_zone(path: Path, text: str, names: list[str]) -> Vectors:
+    lines = [ln for ln in text.splitlines() if re.match(r"\s*[-+]?(\d|\.\d|nan)", ln, re.I)]
     try:
         rows = np.array([ln.replace(",", " ").split() for ln in lines], float)
     except ValueError:
@@ -181,11 +190,7 @@ def read_tecplot(path: Path) -> Vectors:
             flag[rows[:, short.index(name)] <= 0] = 1
     x, y, u, v = (rows[:, column[k]] for k in "xyuv")
     grid = _grid(path, x, y, u, v, flag)
-    upward = re.search(
-        r'title\s*=\s*"[^"]*, y (up|down)"', text[: names_text.start()], re.IGNORECASE
-    )
-    direction = upward.group(1) if upward else None
-    return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]), direction)
+    return Vectors(*grid, _unit(names[column["x"]]), _unit(names[column["u"]]))
 
 
 def _unit(name: str) -> str | None:

@@ -21,7 +21,8 @@ from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
 from fileio.atomic import write_text
-from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable
+from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable, vectors_of
+from piv.images.clock import interval_of, seconds
 from piv.images.open_recording import row_to_y_px
 
 DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
@@ -213,60 +214,91 @@ def load_calibration(path: str | Path) -> Calibration:
 
 
 def calibrate_plane(
-    plane_px: xr.Dataset, calibration: Calibration, interval_s: float
+    plane_px: xr.Dataset,
+    calibration: Calibration,
+    interval: float | None = None,
+    rate: float | None = None,
 ) -> xr.Dataset:
-    """A plane (series) in px per frame interval to m and m/s.
+    """A plane (series) in px to m, m/s and s.
 
-    Without a lens the grid is scaled. With one, the field is sampled (linearly) on a regular grid
-    in the sheet: a vector is absent where one of the four around it is, and uncertain where one of
-    them is. `interval_s`: time between the exposures of a pair.
+    Without a lens every variable is scaled. With one, the vectors and their uncertainties are
+    sampled (linearly) on a regular grid in the sheet: a vector is absent where one of the four
+    around it is, and uncertain where one of them is. `interval`: s between the exposures of a pair;
+    `rate`: pairs per second; both where the file does not state them. ValueError where they lack.
     """
-    if not interval_s > 0:
-        raise ValueError(f"interval_s must be positive, got {interval_s}")
+    interval = interval_of(plane_px, interval)
+    attrs = plane_px.attrs | {
+        "calibration": json.dumps(_calibration_summary(calibration)),
+        "scale_mm_per_px": calibration.scale_mm_per_px,
+        "interval": interval,
+    }
+    time = seconds(plane_px, interval, rate) if "time" in plane_px.dims else None
+    if calibration.lens is None:
+        plane = _scaled(plane_px, calibration, interval)
+    else:
+        plane = _sampled(plane_px, calibration, interval)
+    if time is not None:
+        plane = plane.assign_coords(time=("time", time, {"units": "s"}))
+    return plane.assign_attrs(attrs)
+
+
+# SI unit of what is in px and frames, and the powers of the pixel and of the interval in it
+_IN_SI = {
+    "px": ("m/s", 1, -1),
+    "px/frame": ("m/s", 1, -1),
+    "px/s": ("m/s", 1, 0),
+    "px²": ("m²/s²", 2, -2),
+    "1/frame": ("1/s", 0, -1),
+    "1/frame²": ("1/s²", 0, -2),
+}
+
+
+def _scaled(plane_px: xr.Dataset, calibration: Calibration, interval: float) -> xr.Dataset:
+    """Every variable in SI by its unit."""
+    pixel = calibration.pixel
+    plane = plane_px.copy()
+    for axis, origin in zip("xy", calibration.origin_px, strict=True):
+        plane[axis] = (axis, (plane[axis].values - origin) * pixel, {"units": "m"})
+    for name, variable in plane_px.data_vars.items():
+        unit, length, time = _IN_SI.get(str(variable.attrs.get("units")), ("", 0, 0))
+        if unit:
+            attrs = variable.attrs | {"units": unit}
+            if "correlation_length" in attrs:
+                attrs["correlation_length"] *= pixel
+            values = variable.values * (pixel**length * interval**time)
+            plane[name] = (variable.dims, values, attrs)
+    return plane
+
+
+def _sampled(plane_px: xr.Dataset, calibration: Calibration, interval: float) -> xr.Dataset:
+    """The vectors through the lens onto a regular grid in the sheet."""
     x, y = plane_px["x"].values.astype(float), plane_px["y"].values.astype(float)
     order = ("y", "x") if "time" not in plane_px.dims else ("time", "y", "x")
-    names = ("u", "v", "u_std", "v_std", "flag", "valid")
-    fields = {n: plane_px[n].transpose(*order).values for n in names if n in plane_px}
+    fields = {str(n): f.transpose(*order).values for n, f in vectors_of(plane_px).items()}
     spread = {n: fields[n] for n in ("u_std", "v_std") if n in fields}
     flag, valid = fields.get("flag"), fields["valid"].astype(bool)
-    per_second = calibration.pixel / interval_s
     more: dict[str, ndarray] = {}
-    if calibration.lens is None:
-        corner = calibration.to_m(np.array([x[0], y[0]]))
-        x_m, y_m = (corner[k] + (c - c[0]) * calibration.pixel for k, c in enumerate((x, y)))
-        u, v = fields["u"] * per_second, fields["v"] * per_second
-        more = {n: a * per_second for n, a in spread.items()}
-    else:
-        x_m, y_m = _sheet_grid(calibration, x, y)
-        at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
-        known = usable(plane_px).transpose(*order).values
-        ok, sure = (_sample(whole.astype(float), x, y, at) > 1 - 1e-9 for whole in (known, valid))
-        ok &= _same(calibration, at, x_m, y_m)
-        shift = [_sample(np.where(known, fields[n], 0.0), x, y, at) for n in ("u", "v")]
-        moved = calibration.displacement_m(at, np.stack(shift, axis=-1)) / interval_s
-        ok &= np.isfinite(moved).all(axis=-1)
-        u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
-        if len(spread) == 2:
-            var = [
-                _sample(np.where(known, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")
-            ]
-            j2 = (calibration.jacobian(at) / interval_s) ** 2
-            for k, n in enumerate(("u_std", "v_std")):
-                more[n] = np.where(
-                    ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan
-                )
-        valid = ok & sure
-        if flag is not None:
-            flag = _sample(flag, x, y, at, method="nearest").astype(np.uint8)
-            flag[flag == UNCERTAIN] = OUTLIER
-            flag[ok & ~sure] = UNCERTAIN
+    x_m, y_m = _sheet_grid(calibration, x, y)
+    at = calibration.to_px(np.stack(np.meshgrid(x_m, y_m), axis=-1))
+    known = usable(plane_px).transpose(*order).values
+    ok, sure = (_sample(whole.astype(float), x, y, at) > 1 - 1e-9 for whole in (known, valid))
+    ok &= _same(calibration, at, x_m, y_m)
+    shift = [_sample(np.where(known, fields[n], 0.0), x, y, at) for n in ("u", "v")]
+    moved = calibration.displacement_m(at, np.stack(shift, axis=-1)) / interval
+    ok &= np.isfinite(moved).all(axis=-1)
+    u, v = (np.where(ok, moved[..., k], np.nan) for k in range(2))
+    if len(spread) == 2:
+        var = [_sample(np.where(known, spread[n], 0.0), x, y, at) ** 2 for n in ("u_std", "v_std")]
+        j2 = (calibration.jacobian(at) / interval) ** 2
+        for k, n in enumerate(("u_std", "v_std")):
+            more[n] = np.where(ok, np.sqrt(j2[..., k, 0] * var[0] + j2[..., k, 1] * var[1]), np.nan)
     if flag is not None:
+        flag = _sample(flag, x, y, at, method="nearest").astype(np.uint8)
+        flag[flag == UNCERTAIN] = OUTLIER
+        flag[ok & ~sure] = UNCERTAIN
         more["flag"] = flag
     time = plane_px["time"].values if "time" in plane_px.dims else None
-    out = make_plane(x_m, y_m, u, v, time=time, valid=valid, **more)
-    return out.assign_attrs(
-        plane_px.attrs | {"calibration": json.dumps(_calibration_summary(calibration))}
-    )
+    return make_plane(x_m, y_m, u, v, time=time, valid=ok & sure, **more)
 
 
 def _calibration_summary(calibration: Calibration) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +11,11 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
+from fileio.json_text import natural_key
 from piv.images.recording import Recording
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
+PAIRINGS = ("1-2,2-3", "1-2,3-4")
 COLOURS = ("refuse", "luma", "green")
 
 
@@ -54,6 +57,7 @@ class ImageFiles(Recording):
         super().__init__(_common_name(paths), len(pages), frame_rate_hz)
         self.pages = pages
         self.colour = colour
+        self.pairing, self.pairing_doubt = pairing_by_name(paths)
         self.lossy = any(p.suffix.lower() in JPEG_SUFFIXES for p in paths)
 
     def _frame_name(self, i: int) -> str:
@@ -74,6 +78,61 @@ class ImageFiles(Recording):
                 "save it anew as TIFF or PNG"
             )
         return to_grey(images[0], self.colour, self._frame_name(i))
+
+
+_EXPOSURE = re.compile(r"(.*(?:[_\-. ]|\d))([ABab])|(.*[_\-])([012])")
+_PARTNERS = ({"A", "B"}, {"a", "b"}, {"0", "1"}, {"1", "2"})
+
+
+def exposure_of(path: Path) -> tuple[str, str] | None:
+    """Name of the pair and label of the exposure: im_07_A -> "im_07_", "A"; None without one."""
+    match = _EXPOSURE.fullmatch(path.stem)
+    return None if match is None else (match[1] or match[3], match[2] or match[4])
+
+
+def in_couples(paths: Sequence[Path]) -> list[Path]:
+    """Files in natural order, the exposures of a pair side by side where all names have a label."""
+    labels = {p: exposure_of(p) for p in paths}
+    if all(labels.values()):
+        return sorted(paths, key=lambda p: (natural_key((labels[p] or "")[0]), labels[p]))
+    return sorted(paths, key=natural_key)
+
+
+def pairing_by_name(paths: Sequence[Path]) -> tuple[str | None, str]:
+    """The pairing that names such as im_07_A, im_07_B state, else "1-2,2-3".
+
+    None with a sentence where the names speak of two exposures and one of a pair is not there.
+    """
+    neighbours, couples = PAIRINGS
+    found = [exposure_of(p) for p in paths]
+    names = [f for f in found if f is not None]
+    labels = {label for _, label in names}
+    partners = next((p for p in _PARTNERS if labels <= p), None)
+    if len(names) < len(paths) or partners is None or len({name for name, _ in names}) < 2:
+        return neighbours, ""
+    number = {(path.parent, name) for path, (name, _) in zip(paths, names, strict=True)}
+    if len(labels) == 2 and 2 * len(number) == len(paths):
+        first, second = sorted(partners)
+        if all(
+            a[0] == b[0] and (a[1], b[1]) == (first, second)
+            for a, b in zip(names[::2], names[1::2], strict=True)
+        ):
+            return couples, ""
+        return None, (
+            f"{paths[0]} ...: the names are of pairs, but not in the order of pairs; give the "
+            "folder or a pattern, or --pairing"
+        )
+    for path, (name, label) in zip(paths, names, strict=True):
+        for other in partners - {label}:
+            partner = path.with_name(f"{name}{other}{path.suffix}")
+            if partner in paths or (len(labels) == 1 and not partner.exists()):
+                continue
+            return None, (
+                f"{path}: the name is of one exposure of a pair, and {partner.name} is not among "
+                "the images; add it (a pattern that takes both, such as "
+                f"'*{path.suffix}'), or say with --pairing how they go together"
+            )
+    return neighbours, ""
 
 
 def _page_count(path: Path) -> int:

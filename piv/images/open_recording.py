@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.json_text import natural_key
-from piv.images.image_files import JPEG_SUFFIXES, ImageFiles
+from piv.images.image_files import JPEG_SUFFIXES, PAIRINGS, ImageFiles, in_couples
 from piv.images.photron import Photron
 from piv.images.recording import Recording
 from piv.images.recording_file import RecordingFile
@@ -27,7 +26,6 @@ VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
 PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")
 HDF5_SUFFIXES = (".h5", ".hdf5")
 MOST_GAPS = 0.4  # of the neighbours: couples 1, 2, 11, 12, 21, 22 have as many, and lack none
-PAIRINGS = ("1-2,2-3", "1-2,3-4")
 
 __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
 
@@ -99,7 +97,7 @@ def _in_sequence(images: list[Path]) -> list[Path]:
     Numbers that do not count frames (of couples, or times) have no step of which most neighbours
     are apart.
     """
-    ordered = sorted(images, key=natural_key)
+    ordered = in_couples(images)
     names = [re.split(r"(\d+)", path.name) for path in ordered]
     if len({len(name) for name in names}) > 1:
         return ordered

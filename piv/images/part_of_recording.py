@@ -45,7 +45,8 @@ class _PartOfRecording(Recording):
     ) -> None:
         super().__init__(whole.name, len(whole), None)
         self.whole, self.masks = whole, masks
-        self.attrs, self.times = whole.attrs, whole.times
+        self.attrs, self.times, self.interval = whole.attrs, whole.times, whole.interval
+        self.pairing, self.pairing_doubt = whole.pairing, whole.pairing_doubt
         self.finger = whole.finger
         rows, columns = whole.shape
         x0, y0, x1, y1 = roi or (0, 0, columns - 1, rows - 1)
@@ -202,7 +203,7 @@ def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
         return np.repeat(corners, len(recording), axis=0)
     if "times" in body and recording.times is None:
         raise ValueError(
-            "its bodies have times, the recording has none; give --frame-rate-hz, or frames"
+            "its bodies have times, the recording has none; give --interval or --rate, or frames"
         )
     at = recording.times if "times" in body else np.arange(len(recording), dtype=float)
     assert at is not None

@@ -30,6 +30,9 @@ class Recording:
         self.count = count
         self.attrs: dict[str, Any] = {}
         self.times: ndarray | None = None
+        self.interval: float | None = None  # s between the exposures of a pair, where times lack
+        self.pairing: str | None = "1-2,2-3"  # by the frames' names; None: `pairing_doubt` asks
+        self.pairing_doubt = ""
         self.lossy = False  # saved in a format that leaves out detail
         # of the lower left pixel, in the picture that coordinates refer to
         self.corner_px = (0.0, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,11 +15,12 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.formats.plane_series import AXES, provenance
+from fileio.formats.plane_series import AXES, provenance, usable
 from fileio.formats.recording import CAMERA, pixel_of
 from fileio.formats.resumable import SeriesWriter
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
+from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import pairs
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
@@ -30,13 +31,18 @@ from piv.sequence.multiframe import correlate_frames
 
 # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
 HAND_OVER = 5e-4
+ALTERNATE = 0.15  # of the vectors: by so much fewer in every other field mean frames of two pairs
 
 
 @dataclass(frozen=True)
 class SequenceOptions:
     """Which frames make a vector field."""
 
-    pairing: Annotated[str, "1-2,2-3 (time-resolved) or 1-2,3-4 (frame-straddling)"] = "1-2,2-3"
+    pairing: Annotated[
+        str | None,
+        "1-2,2-3 (time-resolved) or 1-2,3-4 (pairs; default where the names end in A and B, a and "
+        "b, _0 and _1 or _1 and _2; else 1-2,2-3)",
+    ] = None
     skip: Annotated[int, "frames left out between the two of a pair"] = 0
     every: Annotated[int, "use every so many-th field"] = 1
     frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
@@ -75,15 +81,24 @@ class SequenceOptions:
                 f"preprocess = {self.preprocess!r}: 'none' stands alone; "
                 "leave out either it or the steps"
             )
-        if self.frames > 2 and (self.pairing != "1-2,2-3" or self.skip):
+        if self.frames > 2 and (self.pairing not in (None, PAIRINGS[0]) or self.skip):
             raise ValueError(
                 "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
             )
+
+    def of(self, recording: Recording) -> SequenceOptions:
+        """With the pairing that the recording's names state; ValueError where they leave doubt."""
+        if self.pairing is not None:
+            return self
+        if recording.pairing is None:
+            raise ValueError(recording.pairing_doubt)
+        return replace(self, pairing=recording.pairing)
 
 
 def _frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     """Indices of the frames of every vector field."""
     if options.frames == 2:
+        assert options.pairing is not None  # of SequenceOptions.of
         return [
             tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)
         ]
@@ -113,6 +128,7 @@ def correlate_recording(
     The result depends neither on that nor on the number of threads.
     chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
     """
+    sequence = sequence.of(recording)
     sets = _frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if chunk and part:
@@ -140,19 +156,21 @@ def correlate_recording(
     for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
         del settings[key]
     attrs = {"source": "piv", **provenance(**settings), **_carried(recording)}
-    identity = series_key([_seen(recording), settings, units.scale, units.origin])
+    if units.interval is not None and np.ptp(units.interval) <= 1e-6 * units.interval[0]:
+        attrs["interval"] = float(f"{np.mean(units.interval):.12g}")
+    identity = series_key([_seen(recording), settings, units.scale, units.origin, units.names])
     if part is not None:
         attrs["chunk"] = identity = part.to_json(identity)
         if is_chunk(output, identity):
             return Path(output)
     time = units.time
     if sequence.ensemble:
-        if np.ptp(units.interval) > 1e-6 * units.interval[0]:
+        if "interval" not in attrs and units.interval is not None:
             raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
         time = time.mean(keepdims=True)
     writer = SeriesWriter(output, x, y, time, units.names, attrs, identity)
     threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
-    shake_unknown = 0
+    shake_unknown, shares = 0, {}
     try:
         if sequence.ensemble:
 
@@ -175,6 +193,7 @@ def correlate_recording(
         )
         for k, plane in _in_parallel(missing, sets, load, options, sequence):
             writer.write(k, units.fields(plane, k))
+            shares[k] = float(usable(plane).mean())
             shake_unknown += plane.attrs.get("shake_unknown", 0)
             bar.update()
         bar.close()
@@ -186,6 +205,13 @@ def correlate_recording(
         sys.setswitchinterval(interval_before)
         cv2.setNumThreads(threads_before)
         writer.close()
+        if sequence.pairing == PAIRINGS[0] and (apart := alternating(shares)):
+            print(
+                f"{output}: the shares of usable vectors alternate from field to field, "
+                f"{apart[0]:.0%} and {apart[1]:.0%} in the median: are these pairs? "
+                f"Then give --pairing {PAIRINGS[1]}",
+                file=sys.stderr,
+            )
         if shake_unknown:
             print(
                 f"{output}: the camera's shake could not be measured in {shake_unknown} of "
@@ -194,6 +220,17 @@ def correlate_recording(
                 "--no-shake (shake = false) does not look for it",
                 file=sys.stderr,
             )
+
+
+def alternating(shares: dict[int, float]) -> tuple[float, float] | None:
+    """Median shares of even and odd fields where those of one kind are all clearly lower."""
+    kinds = [np.array([s for k, s in shares.items() if k % 2 == odd]) for odd in (0, 1)]
+    if min(map(len, kinds)) < 2:
+        return None
+    low, high = sorted(kinds, key=np.median)
+    if np.median(high) - np.median(low) < ALTERNATE or low.max() >= high.min():
+        return None
+    return float(np.median(kinds[0])), float(np.median(kinds[1]))
 
 
 def _seen(recording: Recording) -> list[Any]:
@@ -236,31 +273,37 @@ class _SeriesUnits:
     scale: float
     origin: tuple[float, float]
     time: ndarray
-    interval: ndarray  # per field
+    interval: ndarray | None  # s, per field; None where it is not known
     names: dict[str, str]  # of the axes, time and velocity
 
     @classmethod
     def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> _SeriesUnits:
-        """SI where scale and times are known, px and frames otherwise."""
+        """m/s where scale and interval are known, else px; s where times are known, else frames."""
         scale = pixel_of(recording.attrs)
         times = recording.times
         left, bottom = recording.corner_px
-        if scale is None or times is None:
+        interval = None
+        if times is None:
             middle = np.array([0.5 * (s[0] + s[-1]) for s in sets])
-            units = {"x": "px", "y": "px", "time": "frame", "u": "px"}
-            return cls(1.0, (-left, -bottom), middle, np.ones(len(sets)), units)
+            if recording.interval is not None:
+                interval = np.full(len(sets), recording.interval)
+        else:
+            middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
+            interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
+            if not (interval > 0).all():
+                raise ValueError(
+                    f"{recording.name}: the frames' times do not ascend; "
+                    "give --interval or --rate in their place"
+                )
+        units = {"x": "m", "y": "m", "time": "frame" if times is None else "s", "u": "m/s"}
+        if scale is None or interval is None:
+            units |= {"x": "px", "y": "px", "u": "px"}
+            return cls(1.0, (-left, -bottom), middle, interval, units)
         origin = (
             float(recording.attrs.get("origin_x_px", 0)) - left,
             float(recording.attrs.get("origin_y_px", 0)) - bottom,
         )
-        middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
-        interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
-        if not (interval > 0).all():
-            raise ValueError(
-                f"{recording.name}: the frames' times do not ascend; "
-                "give --frame-rate-hz in their place"
-            )
-        return cls(scale, origin, middle, interval, {"x": "m", "y": "m", "time": "s", "u": "m/s"})
+        return cls(scale, origin, middle, interval, units)
 
     def axes(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
         """Coordinates of the vectors from those in px."""
@@ -268,7 +311,10 @@ class _SeriesUnits:
 
     def fields(self, plane: xr.Dataset, index: int) -> dict[str, ndarray]:
         """Variables of one field in the file's units."""
-        factor = dict.fromkeys(("u", "v", "u_std", "v_std"), self.scale / self.interval[index])
+        per_second = 1.0
+        if self.names["u"] == "m/s" and self.interval is not None:
+            per_second = self.scale / self.interval[index]
+        factor = dict.fromkeys(("u", "v", "u_std", "v_std"), per_second)
         return {str(n): plane.variables[n].values * factor.get(str(n), 1) for n in plane.data_vars}
 
 

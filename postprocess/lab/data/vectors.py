@@ -11,9 +11,8 @@ import numpy as np
 import xarray as xr
 
 from fileio.json_text import natural_key
-from piv.foreign.read import read_vectors
-from piv.foreign.vector_files import guess_format
-from piv.foreign.write import units_of
+from piv.foreign.read import read_own, read_vectors
+from piv.images.calibration import Calibration, calibrate_plane
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, LabCamera, VectorFiles
 from postprocess.lab.data.pose import Pose
 
@@ -49,23 +48,27 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     stated, interval = dpiv.vectors or VectorFiles(), dpiv.interval
     paths = _sorted_paths(dpiv)
     scale = dpiv.scale.pixel
-    try:
-        plane = read_vectors(
-            paths,
-            **stated.model_dump(exclude={"std_px"}),
-            frame_rate_hz=dpiv.frame_rate_hz,
-            y_axis=dpiv.axes.y,
-            scale_mm_per_px=dpiv.scale.scale_mm_per_px,
-            interval_s=interval,
-        )
-    except ValueError as error:  # piv asks by the names of its options
-        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
-    if (stated.kind or guess_format(paths[0])) in ("plane", "csv") and dpiv.axes.y == "down":
+    own = read_own(paths[0]) if stated.kind in (None, "plane", "csv") else None
+    if own is not None and dpiv.axes.y == "down":
         text = 'in files of this kind y is up; state axes.y = "up" in dpiv.toml'
         raise ValueError(f"{paths[0]}: {text}")
+    try:
+        if own is None:
+            plane = read_vectors(
+                paths,
+                **stated.model_dump(exclude={"std_px"}),
+                rate=dpiv.frame_rate_hz,
+                y_axis=dpiv.axes.y,
+                scale_mm_per_px=dpiv.scale.scale_mm_per_px,
+                interval_s=interval,
+            )
+        else:
+            plane = _in_metres(own, dpiv)
+    except ValueError as error:  # piv asks by the names of its options
+        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
     if "time" not in plane.dims:
         raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
-    plane = _in_metres(plane.load(), scale, interval, paths[0])
+    plane = plane.load()
     rate = 1 / float(np.mean(np.diff(plane["time"].values)))
     if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
         raise ValueError(
@@ -87,19 +90,13 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
 
 
-def _in_metres(plane: xr.Dataset, scale: float, interval: float, path: Path) -> xr.Dataset:
-    """A plane series in SI; without a calibration `piv correlate` writes px per frame."""
-    length, velocity = units_of(plane)
-    if (length, velocity) == ("m", "m/s"):
+def _in_metres(plane: xr.Dataset, dpiv: Dpiv) -> xr.Dataset:
+    """A plane series of this project in SI; without a calibration `piv correlate` writes px."""
+    if plane["x"].attrs.get("units") != "px":
         return plane
-    per = {"px": interval, "px/frame": interval, "px/s": 1.0}.get(velocity)
-    if length != "px" or per is None:
-        raise ValueError(
-            f"{path}: in {length} and {velocity}; vectors of this kind are in m and m/s or in px"
-        )
-    velocities = (n for n in ("u", "v", "u_std", "v_std") if n in plane)
-    out = plane.assign({n: plane[n] * (scale / per) for n in velocities})
-    return out.assign_coords(x=plane["x"] * scale, y=plane["y"] * scale)
+    known = plane["time"].attrs.get("units") == "s"
+    calibration = Calibration(dpiv.scale.pixel * 1e3)
+    return calibrate_plane(plane, calibration, dpiv.interval, None if known else dpiv.frame_rate_hz)
 
 
 def _key_of_option(option: re.Match[str]) -> str:
@@ -107,7 +104,7 @@ def _key_of_option(option: re.Match[str]) -> str:
     name = option.group(1).replace("-", "_")
     keys = {
         "y_axis": "axes.y",
-        "frame_rate": "frame_rate_hz",
+        "rate": "frame_rate_hz",
         "from": "vectors.kind",
         "interval": "piv.interval_s",
     }

@@ -9,8 +9,10 @@ import pytest
 import xarray as xr
 from scipy.io import savemat
 
-from fileio.formats.plane_series import make_plane, read_plane
-from piv.foreign.read import read_vectors
+from fileio.formats.plane_series import make_plane, provenance, read_plane, write_plane
+from piv.fields.derived import derived, window_of
+from piv.fields.statistics import statistics
+from piv.foreign.read import open_vectors, read_vectors
 from piv.foreign.write import write_vectors
 from tests.piv_command import made, piv
 
@@ -60,12 +62,88 @@ def test_series_round_trip(tmp_path, suffix):
 
 def test_series_of_files_in_natural_order(tmp_path):
     series = make(np.arange(11) / 500)
-    files = write_vectors(series, tmp_path / "a.dat")
+    files = write_vectors(series, tmp_path / "a.txt")
     assert len(files) == 11
-    back = read_vectors(files[::-1], y_axis="up", frame_rate_hz=500.0)
-    same(series, back)
-    with pytest.raises(ValueError, match="--frame-rate-hz"):
-        read_vectors(files, y_axis="up")
+    same(series, read_vectors(files[::-1], rate=500.0))
+    with pytest.raises(ValueError, match="--rate"):
+        read_vectors(files)
+
+
+@pytest.fixture(scope="module")
+def everything():
+    """What `piv stats` and `piv derive` make, of a series with provenance and of its instants."""
+    rng = np.random.default_rng(3)
+    x, y = 2.5 + 8 * np.arange(9.0), 8 * np.arange(7.0)
+    u, v = rng.normal(size=(2, 40, 7, 9)).astype(np.float32)
+    flag = rng.choice([0, 2, 5], size=u.shape, p=[0.8, 0.1, 0.1]).astype(np.uint8)
+    u[flag == 2] = v[flag == 2] = np.nan
+    std = rng.uniform(0.01, 0.02, u.shape).astype(np.float32)
+    more = {"flag": flag, "u_std": std, "v_std": 2 * std}
+    series = make_plane(x, y, u, v, time=np.arange(40) / 500, valid=flag == 0, **more)
+    series.attrs = provenance(window=32.0, pairing="1-2,2-3") | {"scale_mm_per_px": 1e3}
+    return {"series": derived(series.isel(time=slice(3))), "mean": derived(statistics(series))}
+
+
+@pytest.mark.parametrize("suffix", ["csv", "dat", "vti", "nc", "mat"])
+@pytest.mark.parametrize("kind", ["series", "mean"])
+def test_every_variable_and_unit_comes_back(tmp_path, everything, kind, suffix):
+    plane = everything[kind]
+    files = write_vectors(plane, tmp_path / f"a.{suffix}")
+    assert len(files) == (4 if (suffix, kind) == ("vti", "series") else 1)
+    with open_vectors(files[-1]) as back:
+        assert set(back.variables) == set(plane.variables)
+        for name, variable in plane.variables.items():
+            assert back[name].dims == variable.dims, name
+            assert back[name].attrs.get("units") == variable.attrs.get("units"), name
+            # a Tecplot file has nine digits, a CSV those of a float
+            rtol = 1e-8 if suffix == "dat" else 1e-15
+            np.testing.assert_allclose(back[name].values, variable.values, rtol=rtol, err_msg=name)
+        assert back.attrs["settings"] == plane.attrs["settings"]
+        np.testing.assert_allclose(
+            back.attrs.get("inefficiency_u", 0), plane.attrs.get("inefficiency_u", 0)
+        )
+        assert window_of(back) == window_of(plane) == 32.0
+
+
+def test_what_a_format_cannot_hold_is_said(tmp_path, everything, capsys):
+    write_plane(everything["mean"], tmp_path / "mean.h5")
+    made("convert", tmp_path / "mean.h5", "-o", tmp_path / "mean.txt")
+    said = capsys.readouterr().err
+    assert ".txt holds no" in said
+    assert all(name in said for name in ("uu", "vorticity_std", "convergence_u"))
+
+
+def test_zones_of_other_programs_are_instants(tmp_path):
+    zone = 'ZONE T="a", SOLUTIONTIME={}\nI=2, J=2\n0 0 1 2 1\n1 0 1 2 1\n0 1 1 2 0\n1 1 {} 2 1\n'
+    path = tmp_path / "a.dat"
+    names = 'VARIABLES="X(m)","Y(m)","U(m/s)","V(m/s)","CHC"\n'
+    path.write_text(names + zone.format(0.5, 1) + zone.format(0.7, 3))
+    series = read_vectors([path], y_axis="up")
+    assert series["time"].values.tolist() == [0.5, 0.7]
+    assert series["u"].values[:, 1, 1].tolist() == [1, 3]
+
+
+def test_scale_and_clock_reach_our_own_files(tmp_path):
+    series = make(np.arange(3.0))
+    for name in ("x", "y", "u", "v"):
+        series[name].attrs["units"] = "px"
+    series["time"].attrs["units"] = "frame"
+    series.attrs = provenance(pairing="1-2,2-3", skip=0, frames=2, window=32.0)
+    series = series.assign_coords(time=("time", np.arange(3) + 0.5, {"units": "frame"}))
+    write_plane(derived(series, ("vorticity",)), tmp_path / "px.h5")
+    done = f"--scale-mm-per-px 0.1 --interval 0.002 -o {tmp_path / 'm.h5'} --quiet".split()
+    made("convert", tmp_path / "px.h5", *done)
+    with open_vectors(tmp_path / "px.h5") as px, open_vectors(tmp_path / "m.h5") as plane:
+        np.testing.assert_allclose(plane["u"], px["u"].values * 0.05)
+        np.testing.assert_allclose(plane["x"], px["x"].values * 1e-4)
+        np.testing.assert_allclose(plane["vorticity"], px["vorticity"].values * 500, rtol=1e-6)
+        np.testing.assert_allclose(plane["time"], [0.001, 0.003, 0.005])
+        assert [plane[n].attrs["units"] for n in ("u", "x", "time", "vorticity")] == [
+            "m/s", "m", "s", "1/s"
+        ]  # fmt: skip
+        assert plane.attrs["interval"] == 0.002
+        assert window_of(plane) == pytest.approx(0.0032)
+    assert piv("convert", tmp_path / "m.h5", *done) == 2  # in m already
 
 
 def test_pivpy_layout(tmp_path):
@@ -209,7 +287,7 @@ def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
         pivlab_mat, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a)
     )
     told = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
-    series = read_vectors([tmp_path / "a.mat"], frame_rate_hz=2.0, **told)
+    series = read_vectors([tmp_path / "a.mat"], rate=2.0, **told)
     assert len(loads) == 1
     np.testing.assert_allclose(series["u"][:, 0, 0], [0, 2e-3, 4e-3])
     np.testing.assert_allclose(series["time"], [0, 0.5, 1.0])

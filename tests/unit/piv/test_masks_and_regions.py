@@ -157,7 +157,7 @@ def test_polygon_files_that_are_refused(frames, tmp_path, content, message):
 
 def test_a_region_keeps_the_coordinates_of_the_whole_picture(frames, tmp_path):
     assert correlate(frames, tmp_path / "px.h5", "--roi", 40, 20, 119, 99) == 0
-    scale = ["--scale-mm-per-px", 1, "--origin-x-px", 10, "--frame-rate-hz", 100]
+    scale = ["--scale-mm-per-px", 1, "--origin-x-px", 10, "--rate", 100]
     assert (
         correlate(
             frames, tmp_path / "m.h5", "--roi", 0.03, 0.02, 0.109, 0.099, "--roi-unit", "m", *scale

@@ -49,10 +49,10 @@ def test_a_result_beside_the_images_may_be_made_again(pair):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ("--scale-mm-per-px 0 --frame-rate-hz 500", "scale_mm_per_px = 0: give a positive number"),
-        ("--scale-mm-per-px nan --frame-rate-hz 500", "scale_mm_per_px = nan"),
-        ("--scale-mm-per-px 0.1 --frame-rate-hz 5 --origin-x-px inf", "origin_x_px = inf"),
-        ("--scale-mm-per-px 0.1", "give frame_rate_hz too"),
+        ("--scale-mm-per-px 0 --rate 500", "scale_mm_per_px = 0: give a positive number"),
+        ("--scale-mm-per-px nan --rate 500", "scale_mm_per_px = nan"),
+        ("--scale-mm-per-px 0.1 --rate 5 --origin-x-px inf", "origin_x_px = inf"),
+        ("--scale-mm-per-px 0.1", "give --interval too"),
         ("--search 5000", "search must be between 16 and 1024 px, got 5000"),
         ("--least-window 64 --window 32", "between 8 and 32 px (window), got 64"),
     ],

@@ -118,7 +118,7 @@ def test_pivpy_opens_ours_and_we_open_its(tmp_path):
 def test_calibrated_vectors_are_summed_up(series, tmp_path, capsys):
     scale = tmp_path / "c.json"
     made("calibrate", "--scale-mm-per-px", "0.1", "-o", scale)
-    words = ["--apply", str(scale), "--vectors", str(series), "--interval", "0.01"]
+    words = ["--apply", str(scale), "--vectors", str(series), "--interval", "0.01", "--rate", "5"]
     assert piv("calibrate", *words, "-o", tmp_path / "m.h5") == 0
     assert "3 fields of 40 x 30 vectors, 99.8% valid; speed median" in capsys.readouterr().out
 
@@ -147,7 +147,7 @@ def test_wrong_numbers_are_refused(series, tmp_path, words, message, capsys):
 @pytest.mark.parametrize(
     "words, message",
     [
-        ("convert --frame-rate-hz -5", "--frame-rate-hz must be positive"),
+        ("convert --rate -5", "--rate must be positive"),
         ("convert --interval nan", "--interval must be positive"),
         ("mask --dark --min-area 2", "--min-area is a part"),
         ("mask --dark --grow -1", "--grow must be at least 0"),
@@ -161,7 +161,7 @@ def test_wrong_numbers_are_refused_before_anything_is_read(tmp_path, words, mess
 
 def test_what_holds_no_vectors_is_named(tmp_path, capsys):
     assert piv("plot", tmp_path, "-o", tmp_path / "o.png") == 2
-    assert "no file of vectors; piv convert makes one" in capsys.readouterr().err
+    assert "is a folder; give a file" in capsys.readouterr().err
 
 
 def test_an_empty_plane_has_no_vortices(tmp_path, capsys):
