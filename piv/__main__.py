@@ -26,7 +26,7 @@ COMMANDS = {
     "derive": "vorticity, divergence, strain, swirling strength, Q",
     "profile": "vectors along a line, as CSV",
     "spectrum": "power spectra in time or space, as CSV",
-    "view": "images and vectors in the browser, and masks to draw",
+    "view": "images and vectors in the browser: masks, measures, settings to try",
     "convert": "between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series",
 }
 

@@ -7,7 +7,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
+from fileio.formats.plane_series import OUTLIER, VECTORS
 from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
@@ -55,6 +57,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked"
     )
+    for name in ("u", "v"):
+        parser.add_argument(
+            f"--{name}-limits",
+            type=float,
+            nargs=2,
+            metavar=("LOW", "HIGH"),
+            help=f"vectors with {name} outside are outliers, in the unit of the result",
+        )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -92,9 +102,25 @@ def run(args: argparse.Namespace) -> None:
     if shift.any():
         moved = {n: plane[n].copy(data=plane[n] - s) for n, s in zip("xy", shift, strict=True)}
         plane = plane.assign_coords(moved)
+    plane = limited(plane, {n: getattr(args, f"{n}_limits") for n in ("u", "v")})
     files = write_vectors(plane, args.output)
     if lost := left_out(plane, args.output):
         kind = args.output.suffix
         print(f"{args.output}: {kind} holds no {', '.join(lost)}; left out", file=sys.stderr)
     if not args.quiet:
         print(f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {summary(plane)}")
+
+
+def limited(plane: xr.Dataset, limits: dict[str, list[float] | None]) -> xr.Dataset:
+    """The plane with vectors outside the limits of their components as outliers."""
+    out = np.zeros(plane["u"].shape, bool)
+    for name, ends in limits.items():
+        if ends is not None:
+            low, high = ends
+            if not low < high:
+                raise ValueError(f"--{name}-limits are LOW HIGH, got {low:g} {high:g}")
+            out |= (plane[name].values < low) | (plane[name].values > high)
+    if not out.any():
+        return plane
+    absent = {n: np.nan for n in VECTORS if n in plane} | {"valid": 0, "flag": OUTLIER}
+    return plane.assign({n: plane[n].where(~out, v) for n, v in absent.items() if n in plane})

@@ -1,9 +1,8 @@
-"""A local page in the browser: images and vectors over time, and masks and regions to draw."""
+"""A local page in the browser: images and vectors over time, masks, measures, settings to try."""
 
 from __future__ import annotations
 
 import argparse
-from importlib.util import find_spec
 from pathlib import Path
 
 from piv.view.scene import open_scene
@@ -12,12 +11,13 @@ from piv.view.scene import open_scene
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv view`."""
     parser.add_argument(
-        "file", help="vectors (.h5, .nc, ...), or images: folder, glob, video, .mraw or .h5"
+        "file",
+        nargs="+",
+        help="vectors (.h5, .nc, ...), or images: two or more, folder, glob, video, .mraw or .h5",
     )
-    parser.add_argument("--images", help="the recording behind the vectors")
+    parser.add_argument("--images", nargs="+", help="the recording behind the vectors")
     parser.add_argument("-o", "--output", type=Path, default=Path("regions.json"),
                         help="masks and region that are drawn (default %(default)s)")  # fmt: skip
-    parser.add_argument("--frame-rate-hz", type=float, help="Hz, of images that do not say")
     parser.add_argument(
         "--port", type=int, default=5006, help="of the page, at 127.0.0.1 (default %(default)s)"
     )
@@ -27,20 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Serve the page until Ctrl-C."""
-    if find_spec("bokeh") is None:
-        raise ValueError(
-            "the page needs the library bokeh: pip install --require-hashes -r "
-            "requirements-view.lock in the clone, or pip install bokeh"
-        )
     if not 1 <= args.port <= 65535:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
-    from piv.view.page import serve
+    from piv.view.server import serve
 
-    scene = open_scene(args.file, args.images, args.frame_rate_hz)
+    scene = open_scene(args.file, args.images)
     scene.extent()  # raises where the scale is unknown, before the page opens
 
     def ready(address: str) -> None:
-        if not args.quiet:
+        if not args.quiet or args.no_browser:
             print(f"{address}: {scene.count} steps; Ctrl-C ends it", flush=True)
 
     serve(scene, args.output, args.port, not args.no_browser, ready)

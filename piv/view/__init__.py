@@ -1,1 +1,1 @@
-"""A local page in the browser: images and vectors over time, masks and regions to draw."""
+"""A local page in the browser: images and vectors over time, masks, measures, settings to try."""

@@ -45,14 +45,3 @@ def write_regions(
     moving = f" at {len(frames)} frames" if len(frames) > 1 else ""
     found = f"{len(bodies)} polygons{moving}{', a region' if roi else ''}"
     return f"{path}: {found}; piv correlate --mask {path.name}"
-
-
-def clipped(
-    roi: tuple[float, ...], extent: tuple[float, float, float, float]
-) -> tuple[float, float, float, float] | None:
-    """A region (centre x, y, width, height) as x0, y0, x1, y1 within the picture, or None."""
-    x, y, width, height = roi
-    left, bottom, right, top = extent
-    x0, x1 = max(left, x - abs(width) / 2), min(right, x + abs(width) / 2)
-    y0, y1 = max(bottom, y - abs(height) / 2), min(top, y + abs(height) / 2)
-    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None

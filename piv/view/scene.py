@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import h5py
 import numpy as np
 import xarray as xr
@@ -13,27 +16,20 @@ from fileio.child_process import check_walkable
 from fileio.formats.plane_series import check_vectors, usable
 from fileio.formats.recording import pixel_of
 from piv.foreign.read import open_vectors
+from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
+from piv.vortices.criteria import gradients, vorticity
 
 LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out
-SHOWN = (
-    "u",
-    "v",
-    "u_std",
-    "v_std",
-    "flag",
-    "correlation",
-    "vorticity",
-    "n",
-)  # of a vector that is clicked on
-VECTOR_SUFFIXES = (".nc", ".csv", ".txt", ".dat")
+VECTOR_SUFFIXES = (".nc", ".csv", ".txt", ".dat", ".vti", ".pvd", ".mat", ".vc7")
 
 
 @dataclass
 class Scene:
     """Images, vectors, or both; `count` steps."""
 
+    name: str
     recording: Recording | None
     series: xr.Dataset | None
 
@@ -49,16 +45,23 @@ class Scene:
         """Of the coordinates: px or m."""
         return "px" if self.series is None else str(self.series["x"].attrs.get("units", "m"))
 
+    def frames_of(self, step: int) -> tuple[int, int]:
+        """The two frames of the pair at a step, by the settings that the vectors were made with."""
+        count = len(self.recording) if self.recording else 0
+        if self.series is None:
+            pairing = self.recording.pairing if self.recording else None
+            first = step - step % 2 if pairing == PAIRINGS[1] else min(step, max(count - 2, 0))
+            return first, min(first + 1, count - 1)
+        settings = json.loads(self.series.attrs.get("settings", "{}"))
+        first, apart = step * settings.get("every", 1), 1 + settings.get("skip", 0)
+        if settings.get("pairing") == PAIRINGS[1]:
+            first *= 2
+        first += (settings.get("frames", 2) - 1) // 2  # the middle of a multi-frame set
+        return min(first, count - 1), min(first + apart, count - 1)
+
     def frame_number(self, step: int) -> int:
-        """The frame that is shown at a step: of vectors the first of their pair."""
-        if self.series is None or self.recording is None or "time" not in self.series.dims:
-            return step
-        time = float(self.series["time"][step])
-        times = self.recording.times if self.unit != "px" else np.arange(len(self.recording))
-        frame = (
-            step if times is None else int(np.searchsorted(times, time + 1e-9, side="right")) - 1
-        )
-        return min(max(frame, 0), len(self.recording) - 1)
+        """The frame that masks of a step belong to."""
+        return step if self.series is None or self.recording is None else self.frames_of(step)[0]
 
     def extent(self) -> tuple[float, float, float, float]:
         """left, bottom, right, top: outer edges of pixels, or half a step beyond the vectors."""
@@ -71,51 +74,66 @@ class Scene:
         edges = np.array([-0.5, -0.5, columns - 0.5, rows - 0.5])
         if self.unit == "px":
             return tuple(edges.tolist())
-        known = self.recording.attrs
-        if self.series is not None:
-            known = self.series.attrs | known
+        pixel, origin = self.scale()
+        return tuple(((edges - np.tile(origin, 2)) * pixel).tolist())
+
+    def scale(self) -> tuple[float, list[float]]:
+        """Size of a pixel (m) and the origin (px); ValueError where the scale is not known."""
+        known = (self.series.attrs if self.series is not None else {}) | (
+            self.recording.attrs if self.recording is not None else {}
+        )
         pixel = pixel_of(known)
         if pixel is None:
             raise ValueError(
-                f"{self.recording.name}: its scale is not known; give vectors in px, or a "
-                "recording with a scale"
+                f"{self.name}: its scale is not known; give vectors in px, or a recording with a "
+                "scale"
             )
-        origin = np.tile([known.get(f"origin_{k}_px", 0.0) for k in "xy"], 2)
-        return tuple(((edges - origin) * pixel).tolist())
+        return pixel, [float(known.get(f"origin_{k}_px", 0.0)) for k in "xy"]
 
-    def image(self, step: int) -> np.ndarray | None:
-        """Grey values (uint8, row 0 at the bottom) at a step, stretched; None without images."""
+    def image(self, step: int, second: bool = False, low: float = 1.0, high: float = 99.5) -> bytes:
+        """A frame of the pair as PNG, stretched between two percentages of its grey values."""
         if self.recording is None:
-            return None
-        frame = self.recording.frame(self.frame_number(step))
+            raise ValueError(f"{self.name}: no images; give --images")
+        frames = self.frames_of(step)
+        shown = step if self.series is None else frames[0]
+        frame = self.recording.frame(frames[1] if second else shown)
         thin = max(1, int(np.ceil(max(frame.shape) / LARGEST_SIDE)))
-        grey = frame[::-1][::thin, ::thin].astype(np.float32)
-        low, high = np.percentile(grey, [1, 99.5])
-        return np.clip((grey - low) * (255 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
+        grey = frame[::thin, ::thin].astype(np.float32)
+        dark, bright = np.percentile(grey, [low, high])
+        shades = np.clip((grey - dark) * (255 / max(bright - dark, 1.0)), 0, 255)
+        return cv2.imencode(".png", shades.astype(np.uint8))[1].tobytes()
 
-    def vectors(self, step: int) -> dict[str, np.ndarray]:
-        """Columns x, y and what is known of each vector at a step, absent ones left out."""
+    def plane(self, step: int) -> xr.Dataset:
+        """The vectors of a step, loaded and checked; with the vorticity where it is not there."""
         if self.series is None:
-            return {"x": np.empty(0), "y": np.empty(0), "u": np.empty(0), "v": np.empty(0)}
-        plane = (self.series.isel(time=step) if "time" in self.series.dims else self.series).load()
+            raise ValueError(f"{self.name}: holds images; vectors come of piv correlate")
+        series = self.series
+        plane = (series.isel(time=step) if "time" in series.dims else series).load()
         check_vectors(plane)
-        ok = usable(plane).values
-        xx, yy = np.meshgrid(plane["x"].values, plane["y"].values)
-        return {"x": xx[ok], "y": yy[ok]} | {
-            n: plane[n].values[ok].astype(float) for n in SHOWN if n in plane
-        }
+        return with_vorticity(plane)
 
     def time_text(self, step: int) -> str:
         """The instant of a step in words."""
         if self.series is not None and "time" in self.series.dims:
             time = self.series["time"]
-            return f"{float(time[step]):g} {time.attrs.get('units', 's')}"
+            return f"{float(time[step]):.6g} {time.attrs.get('units', 's')}"
         return f"frame {self.frame_number(step)}"
 
 
-def open_scene(source: str, images: str | None = None, frame_rate_hz: float | None = None) -> Scene:
+def with_vorticity(plane: xr.Dataset) -> xr.Dataset:
+    """The plane with its vorticity, as `piv derive` has it."""
+    if "vorticity" in plane:
+        return plane
+    dx, dy = (float(plane[n][1] - plane[n][0]) for n in ("x", "y"))
+    u, v = (plane[n].transpose("y", "x").values for n in ("u", "v"))
+    found = vorticity(gradients(u, v, usable(plane).transpose("y", "x").values, dx, dy))
+    unit = "1/frame" if plane["x"].attrs.get("units") == "px" else "1/s"
+    return plane.assign(vorticity=(("y", "x"), found, {"units": unit}))
+
+
+def open_scene(source: Sequence[str], images: Sequence[str] | None = None) -> Scene:
     """A scene from a file of vectors or a recording, and the images behind the vectors."""
-    path = Path(source)
+    path = Path(source[0])
     vectors = path.suffix.lower() in VECTOR_SUFFIXES
     if path.suffix.lower() == ".h5" and path.is_file():
         check_walkable(path)
@@ -123,7 +141,8 @@ def open_scene(source: str, images: str | None = None, frame_rate_hz: float | No
             vectors = file.attrs.get("format") != "recording"
     if not vectors:
         if images is not None:
-            raise ValueError(f"{source}: is a recording; --images goes with a file of vectors")
-        return Scene(open_recording(source, frame_rate_hz=frame_rate_hz), None)
-    recording = open_recording(images, frame_rate_hz=frame_rate_hz) if images else None
-    return Scene(recording, open_vectors(path))
+            raise ValueError(f"{path}: is a recording; --images goes with a file of vectors")
+        return Scene(str(path), open_recording(source), None)
+    if len(source) > 1:
+        raise ValueError(f"{source[1]}: give one file of vectors, and images with --images")
+    return Scene(str(path), open_recording(images) if images else None, open_vectors(path))

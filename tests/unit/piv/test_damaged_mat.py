@@ -104,7 +104,7 @@ def export(frames, compressed):
 def test_a_session_is_read(tmp_path, compressed):
     path = tmp_path / "a.mat"
     path.write_bytes(export(3, compressed))
-    units = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32, "frame_rate_hz": 2.0}
+    units = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32, "rate": 2.0}
     plane = read_vectors([path], **units)
     assert dict(plane.sizes) == {"time": 3, "y": 2, "x": 3}
     assert plane["u"].values[2, 0, 0] == pytest.approx(0.8e-3 / 0.5)

@@ -12,7 +12,6 @@ from tests.conftest import ROOT
 LOCKS = {
     "requirements": "requirements.lock",
     "study": "requirements-study.lock",
-    "view": "requirements-view.lock",
     "docs": "requirements-docs.lock",
 }
 # go with GPL-3.0-or-later; the FSF's list of licences

@@ -1,0 +1,216 @@
+"""What the page asks for: fields, vortices, measures in areas and along lines, settings to try."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import asdict, fields
+from typing import Any, get_args, get_type_hints
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.path import Path
+from numpy import ndarray
+from scipy.interpolate import RegularGridInterpolator
+
+from fileio.formats.plane_series import fields_of, usable
+from piv.correlation.options import Options
+from piv.correlation.pair import correlate_pair
+from piv.fields.derived import window_of
+from piv.fields.lines import along_line
+from piv.fields.summary import summary
+from piv.foreign.write import units_of
+from piv.images.calibration import Calibration, calibrate_plane
+from piv.images.clock import interval_of
+from piv.images.masks import polygons_mask
+from piv.images.preprocess import Preprocessor
+from piv.view.scene import Scene, with_vorticity
+from piv.vortices.find import find_vortices
+
+FORM = ("window", "least_window", "spacing", "preset", "search", "threshold", "smoothing")
+PREPROCESS = "background=static"
+# of errors that are correlated by exp(-2 (d/L)²), along a line: their integral over d is this L
+CORRELATED = float(np.sqrt(np.pi / 2))
+
+
+def about(scene: Scene, output: str) -> dict[str, Any]:
+    """What the page knows of the whole scene."""
+    maps = {"one": "viridis", "two": "PuOr_r"}
+    return {
+        "name": scene.name,
+        "output": output,
+        "count": scene.count,
+        "unit": scene.unit,
+        "extent": scene.extent(),
+        "images": scene.recording is not None,
+        "frames": len(scene.recording) if scene.recording is not None else scene.count,
+        "vectors": scene.series is not None,
+        "times": [scene.time_text(k) for k in range(scene.count)],
+        "frame_of": [scene.frame_number(k) for k in range(scene.count)],
+        "scales": _scales(scene),
+        "colours": {
+            key: [mpl.colors.to_hex(c) for c in mpl.colormaps[name](np.linspace(0, 1, 64))]
+            for key, name in maps.items()
+        },
+        "form": _form(scene),
+    }
+
+
+def _scales(scene: Scene) -> dict[str, float]:
+    """Limits of speed and vorticity that hold at every step: 99th percentiles of five."""
+    if scene.series is None:
+        return {}
+    found: dict[str, list[ndarray]] = {"speed": [], "vorticity": []}
+    for k in np.unique(np.linspace(0, scene.count - 1, 5).astype(int)):
+        plane = scene.plane(int(k))
+        ok = usable(plane).values
+        found["speed"].append(np.hypot(plane["u"].values, plane["v"].values)[ok])
+        omega = np.abs(plane["vorticity"].values)
+        found["vorticity"].append(omega[np.isfinite(omega)])
+    whole = {n: np.concatenate(a) for n, a in found.items()}
+    return {n: float(np.percentile(a, 99)) if a.size else 1.0 for n, a in whole.items()}
+
+
+def _form(scene: Scene) -> list[dict[str, Any]]:
+    """Settings to try: name, help and value, that of the vectors where they have one."""
+    made = json.loads(scene.series.attrs.get("settings", "{}")) if scene.series is not None else {}
+    hints = get_type_hints(Options, include_extras=True)
+    default = asdict(Options())
+    form = [
+        {"name": f.name, "help": get_args(hints[f.name])[1], "default": default[f.name],
+         "value": made.get(f.name, default[f.name])}
+        for f in fields(Options) if f.name in FORM
+    ]  # fmt: skip
+    steps = made.get("preprocess") or [PREPROCESS]  # which leaves pictures as they are, mostly
+    form.append(
+        {"name": "preprocess", "default": PREPROCESS, "value": ",".join(steps),
+         "help": "steps with commas, such as background=min,cap=3; none = as recorded"}
+    )  # fmt: skip
+    return form
+
+
+def field(plane: xr.Dataset) -> dict[str, Any]:
+    """A plane for the page: axes, and each field as base64 of float32, rows by ascending y."""
+    ok = usable(plane).values
+    data = {}
+    for name in fields_of(plane):
+        values = plane[name].transpose("y", "x").values.astype("<f4")
+        if name not in ("valid", "flag"):
+            values = np.where(ok, values, np.nan).astype("<f4")
+        data[name] = base64.b64encode(values.tobytes()).decode()
+    return {
+        "x": plane["x"].values.tolist(),
+        "y": plane["y"].values.tolist(),
+        "data": data,
+        "units": {n: str(plane[n].attrs.get("units", "")) for n in data},
+        "summary": summary(plane),
+    }
+
+
+def vortices(plane: xr.Dataset) -> list[dict[str, float]]:
+    """Centre, circulation, core radius and their standard errors, strongest first."""
+    keys = ("x", "y", "circulation", "core_radius", "circulation_std", "core_radius_std")
+    numbers = ({k: float(getattr(w, k)) for k in keys} for w in find_vortices(plane))
+    return [{k: v for k, v in w.items() if np.isfinite(v)} for w in numbers]
+
+
+def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
+    """Circulation round a polygon (counter-clockwise positive) and means over its vectors.
+
+    The line integral of bilinear velocities; its standard uncertainty to first order, errors of u
+    and v independent, along the line correlated as of `piv derive`. ValueError where the line
+    passes places without vectors.
+    """
+    corners = np.asarray(polygon, float)
+    if len(corners) < 3:
+        raise ValueError("an area needs at least 3 corners")
+    x, y = plane["x"].values, plane["y"].values
+    step = min(x[1] - x[0], y[1] - y[0])
+    edges = np.roll(corners, -1, axis=0) - corners
+    area = 0.5 * float(np.sum(corners[:, 0] * edges[:, 1] - corners[:, 1] * edges[:, 0]))
+    points, tangents, lengths = [], [], []
+    for corner, edge in zip(corners, edges, strict=True):
+        length = float(np.hypot(*edge))
+        if length == 0:
+            continue
+        n = max(2, int(np.ceil(4 * length / step)))
+        points.append(corner + (np.arange(n)[:, None] + 0.5) / n * edge)
+        tangents.append(np.repeat(edge[None] / length, n, axis=0))
+        lengths.append(np.full(n, length / n))
+    at, along, ds = np.concatenate(points), np.concatenate(tangents), np.concatenate(lengths)
+    along = along * np.sign(area)
+    ok = usable(plane).transpose("y", "x").values
+
+    def sample(name: str) -> ndarray:
+        values = np.where(ok, plane[name].transpose("y", "x").values, np.nan)
+        at_points = RegularGridInterpolator((y, x), values, bounds_error=False, fill_value=np.nan)
+        return at_points(at[:, ::-1])
+
+    flow = sample("u") * along[:, 0] + sample("v") * along[:, 1]
+    grid = np.stack([g.ravel() for g in np.meshgrid(x, y)], axis=1)
+    within = Path(corners).contains_points(grid).reshape(ok.shape) & ok
+    unit = units_of(plane)[0]
+    means: dict[str, float | None] = {}
+    for name in ("u", "v", "vorticity"):
+        values = plane[name].transpose("y", "x").values[within]
+        known = values[np.isfinite(values)]
+        means[name] = float(known.mean()) if known.size else None
+    lost = float(ds[~np.isfinite(flow)].sum() / ds.sum())
+    result: dict[str, Any] = {
+        "area": abs(area),
+        "vectors": int(within.sum()),
+        "mean": means,
+        "circulation": float(np.sum(flow * ds)) if lost == 0 else None,
+        "unit": "px²/frame" if unit == "px" else "m²/s",
+        "lost": lost,
+    }
+    if lost == 0 and "u_std" in plane and "v_std" in plane:
+        spread = (sample("u_std") * along[:, 0]) ** 2 + (sample("v_std") * along[:, 1]) ** 2
+        reach = CORRELATED * window_of(plane) or step
+        result["circulation_std"] = float(np.sqrt(np.sum(spread * ds) * reach))
+    return result
+
+
+def profile(plane: xr.Dataset, line: list[list[float]]) -> dict[str, Any]:
+    """Velocity along and across a line (to its left) over the distance from its start."""
+    (x0, y0), (x1, y1) = line
+    table = next(iter(along_line(plane, (x0, y0), (x1, y1))))
+    names = ("s", "along", "across", "vorticity")
+    return {n: [None if np.isnan(v) else float(v) for v in table[n]] for n in names}
+
+
+def tried(
+    scene: Scene, step: int, settings: dict[str, Any], polygons: list[list[list[float]]]
+) -> xr.Dataset:
+    """The vectors of the pair at a step with other settings and masks, in the scene's units."""
+    if scene.recording is None:
+        raise ValueError("settings are tried on images; give --images RECORDING")
+    settings = dict(settings)
+    steps = [s for s in str(settings.pop("preprocess", "none")).split(",") if s not in ("", "none")]
+    if len(scene.recording) < 5:  # as of piv correlate: still images need more
+        steps = [s for s in steps if s != PREPROCESS]
+    first, second = scene.frames_of(step)
+    if first == second:
+        raise ValueError("the last frame has no partner; step back")
+    clean = Preprocessor(steps, scene.recording)
+    masks = [clean.mask(scene.recording.mask(k)) for k in (first, second)]
+    if polygons:
+        shapes = [np.asarray(p, float) for p in polygons]
+        if scene.unit != "px":
+            pixel, origin = scene.scale()
+            shapes = [s / pixel + origin for s in shapes]
+        drawn = polygons_mask(shapes, scene.recording.shape)
+        masks = [drawn if m is None else drawn | m for m in masks]
+    a, b = (clean(scene.recording.frame(k)) for k in (first, second))
+    known = None if masks[0] is None and masks[1] is None else tuple(masks)
+    plane = correlate_pair(a, b, mask=known, **settings)
+    plane.attrs["settings"] = json.dumps({"window": settings.get("window", Options.window)})
+    if scene.unit != "px":
+        pixel, origin = scene.scale()
+        times = scene.recording.times
+        own = None if times is None else float(times[second] - times[first])
+        stated = scene.series.attrs.get("interval") if scene.series is not None else None
+        interval = interval_of(plane, stated if stated is not None else own)
+        plane = calibrate_plane(plane, Calibration(pixel * 1e3, origin[0], origin[1]), interval)
+    return with_vorticity(plane)

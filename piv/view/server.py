@@ -1,0 +1,189 @@
+"""The page, served to the browsers of this machine alone, whose address holds a secret."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, urlsplit
+
+import numpy as np
+
+from fileio.errors import sentence
+from piv.view import answers
+from piv.view.regions import write_regions
+from piv.view.scene import Scene
+
+LONGEST = 2**24  # bytes of a request
+
+
+class Answers:
+    """What each name in the page's address gives: bytes, or what becomes JSON."""
+
+    def __init__(self, scene: Scene, output: Path) -> None:
+        self.scene, self.output = scene, output
+        self.tried: Any = None  # vectors of other settings, shown in place of those of the file
+
+    def about(self) -> Any:
+        """The scene."""
+        return answers.about(self.scene, str(self.output))
+
+    def image(self, step: int, second: bool, low: float, high: float) -> bytes:
+        """A frame as PNG."""
+        return self.scene.image(step, second, low, high)
+
+    def field(self, step: int) -> Any:
+        """The vectors of a step."""
+        self.tried = None
+        return answers.field(self.scene.plane(step))
+
+    def attempt(self, step: int, settings: dict[str, Any], polygons: list) -> Any:
+        """The vectors of a step with other settings; measures are of them until the next step."""
+        self.tried = answers.tried(self.scene, step, settings, polygons)
+        return answers.field(self.tried)
+
+    def _shown(self, step: int) -> Any:
+        return self.tried if self.tried is not None else self.scene.plane(step)
+
+    def vortices(self, step: int) -> Any:
+        """The vortices of what is shown."""
+        return answers.vortices(self._shown(step))
+
+    def inside(self, step: int, polygon: list) -> Any:
+        """Circulation and means of an area."""
+        return answers.inside(self._shown(step), polygon)
+
+    def profile(self, step: int, line: list) -> Any:
+        """Velocities along a line."""
+        return answers.profile(self._shown(step), line)
+
+    def save(self, kept: dict[str, list], roi: list[float] | None) -> Any:
+        """Write the masks of each frame and the region."""
+        polygons = {int(frame): shapes for frame, shapes in kept.items()}
+        region = None if roi is None else (roi[0], roi[1], roi[2], roi[3])
+        return {"text": write_regions(self.output, self.scene.unit, polygons or {0: []}, region)}
+
+
+def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[str], None]) -> None:
+    """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address.
+
+    A request is answered only with the secret of the address in it and with a Host of this machine:
+    a page of a stranger knows neither the one nor, by DNS rebinding, the other.
+    """
+    secret, one = secrets.token_urlsafe(16), threading.Lock()
+    page = files("piv.view").joinpath("page.html").read_bytes()
+    given = Answers(scene, output)
+
+    class Handler(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def _reply(self, status: int, body: bytes, kind: str) -> None:
+            self.send_response(status)
+            for name, value in (
+                ("Content-Type", kind),
+                ("Content-Length", str(len(body))),
+                ("Cache-Control", "no-store"),
+                ("Referrer-Policy", "no-referrer"),
+                ("X-Content-Type-Options", "nosniff"),
+                ("Content-Security-Policy", POLICY),
+            ):
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def _asked(self) -> str | None:
+            """The name that is asked for; None, and a refusal, of a stranger."""
+            parts = urlsplit(self.path).path.split("/")
+            host = self.headers.get("Host", "")
+            origin = self.headers.get("Origin", f"http://{host}")
+            if (
+                host not in hosts
+                or origin != f"http://{host}"
+                or len(parts) != 3
+                or not secrets.compare_digest(parts[1].encode(), secret.encode())
+            ):
+                self.close_connection = True
+                self._reply(403, b"This page is open to the address that piv view printed.\n", TEXT)
+                return None
+            return parts[2]
+
+        def do_GET(self) -> None:
+            name = self._asked()
+            if name is None:
+                return
+            if name == "":
+                self._reply(200, page, "text/html; charset=utf-8")
+            elif name == "image":
+                query = dict(parse_qsl(urlsplit(self.path).query))
+                self._answer(
+                    name,
+                    {"step": int(query["step"]), "second": query["second"] == "1",
+                     "low": float(query["low"]), "high": float(query["high"])},
+                )  # fmt: skip
+            else:
+                self._reply(404, b"no such thing\n", TEXT)
+
+        def do_POST(self) -> None:
+            name = self._asked()
+            if name is None:
+                return
+            length = int(self.headers.get("Content-Length", 0))
+            if length > LONGEST or self.headers.get("Content-Type") != JSON:
+                self.close_connection = True
+                self._reply(400, b"not a request of the page\n", TEXT)
+                return
+            self._answer(name, json.loads(self.rfile.read(length) or b"{}"))
+
+        def _answer(self, name: str, values: dict[str, Any]) -> None:
+            action = None if name.startswith("_") else getattr(given, name, None)
+            if not callable(action):
+                self._reply(404, b"no such thing\n", TEXT)
+                return
+            try:
+                with one:
+                    answer = action(**values)
+            except Exception as error:
+                text = sentence(error)
+                if text is None:
+                    raise
+                self._reply(422, text.encode(), TEXT)
+                return
+            if isinstance(answer, bytes):
+                self._reply(200, answer, "image/png")
+            else:
+                self._reply(200, json.dumps(answer, default=_plain).encode(), JSON)
+
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except OSError as error:
+        raise ValueError(
+            f"port {port} cannot be opened ({error.strerror}); give another --port"
+        ) from None
+    hosts = {f"{name}:{server.server_port}" for name in ("127.0.0.1", "localhost")}
+    address = f"http://127.0.0.1:{server.server_port}/{secret}/"
+    with server:
+        ready(address)
+        if show:
+            import webbrowser
+
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+        server.serve_forever()
+
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src 'self' blob: data:; connect-src 'self'"
+)
+TEXT, JSON = "text/plain; charset=utf-8", "application/json"
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
