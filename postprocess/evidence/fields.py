@@ -55,6 +55,12 @@ def _at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
     return (1 - share) * early + share * late, early_ok & late_ok
 
 
+def _near(points: np.ndarray, x: np.ndarray, y: np.ndarray, reach: float) -> np.ndarray:
+    """Which points (y, x) of a grid lie within `reach` (m) of one of `points` (n, 2)."""
+    apart = np.hypot(x - points[:, 0, None, None], y[:, None] - points[:, 1, None, None])
+    return np.asarray((apart <= reach).any(axis=0))
+
+
 def _common_times(reference: xr.Dataset, other: xr.Dataset) -> np.ndarray:
     """Indices of `other`'s instants within `reference`'s; ValueError where there is none."""
     span, times = reference["time"].values, other["time"].values
@@ -67,8 +73,10 @@ def _common_times(reference: xr.Dataset, other: xr.Dataset) -> np.ndarray:
     return index
 
 
-def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
+def field_sums(reference: xr.Dataset, other: xr.Dataset, reach: float = np.inf) -> pd.DataFrame:
     """Sums over the common valid points at every instant and on the grid of `other`.
+
+    `reach` (m): within it of a tip of `reference` alone.
 
     Columns: time, points, share (of other's valid points outside the body), difference2,
     reference2, other2, product (sums of |b − a|², |a|², |b|², a·b in m²/s²), mean_du, mean_dv
@@ -80,6 +88,9 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset) -> pd.DataFrame:
     for index in _common_times(reference, other):
         time = float(other["time"].values[index])
         a, a_ok = _onto_grid(*_at_time(reference, time), x, y, new_x, new_y)
+        if np.isfinite(reach):
+            tips = reference["tip"].sel(time=time, method="nearest").values
+            a_ok &= _near(tips, new_x, new_y, reach)
         b, b_ok = frame(other, int(index))
         both = a_ok & b_ok
         a, b = a[:, both], b[:, both]

@@ -20,6 +20,7 @@ from postprocess.evidence.strokes import peak_tip_speed
 from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 
 _INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
+NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
 _OF_FLOW = ("error_dorsal", "error_centre", "error_velocity", "error_force")
 _OF_PIV = ("error_circulation", "error_centre", "error_velocity")
 # Orders that an extrapolation takes: schemes are of second order, walls and time of first.
@@ -42,11 +43,13 @@ def errors_against(
         window = window[0], min(window[1], float(wanted["time"][-1]), float(got["time"][-1]))
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
-        errors = {"error_velocity": _velocity_error(wanted, got, window) / scale}
+        sums = fields.field_sums(wanted, _thinned(got, window))
+        errors = {"error_velocity": fields.rms_difference(sums) / scale}
         if source == "piv":
             errors |= {"vectors": got.sizes["x"] * got.sizes["y"], "fields": got.sizes["time"]}
         else:
             errors["tip_width_mm"] = width * 1e3
+            errors["error_near_tip"] = near_tip_error(wanted, _thinned(got, window))
         tables = {
             name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
             for name, of, seen in (("best", best, "cfd"), ("other", files, source))
@@ -71,12 +74,18 @@ def errors_against(
     return errors | worst(errors)
 
 
-def _velocity_error(reference: xr.Dataset, other: xr.Dataset, window: tuple[float, float]) -> float:
-    """RMS of the vector difference at about _INSTANTS instants of a window, m/s."""
-    times = other["time"].values
+def _thinned(plane: xr.Dataset, window: tuple[float, float]) -> xr.Dataset:
+    """About _INSTANTS instants of a window (s)."""
+    times = plane["time"].values
     inside = np.flatnonzero((times >= window[0]) & (times <= window[1]))
-    thinned = inside[:: max(1, len(inside) // _INSTANTS)]
-    return fields.rms_difference(fields.field_sums(reference, other.isel(time=thinned)))
+    return plane.isel(time=inside[:: max(1, len(inside) // _INSTANTS)])
+
+
+def near_tip_error(reference: xr.Dataset, other: xr.Dataset) -> float:
+    """RMS of the vector difference within NEAR_TIP of the tip over the reference's RMS there."""
+    reach = NEAR_TIP * float(reference.attrs["tip_width"])
+    sums = fields.field_sums(reference, other, reach)
+    return float(np.sqrt(sums["difference2"].sum() / sums["reference2"].sum()))
 
 
 def vortex_errors(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fileio.formats.plane_series import make_plane
 from postprocess.evidence import fields
+from postprocess.studies.errors import near_tip_error
 
 X, Y = np.linspace(-0.05, 0.05, 41), np.linspace(0.1, 0.2, 31)
 TIME = np.array([0.0, 0.01, 0.02, 0.03])
@@ -90,6 +91,20 @@ def test_points_next_to_a_hole_do_not_count():
     # cells that touch the 10 × 10 hole of nodes: 11 × 11 of the 30 × 40 cell centres
     assert (sums["points"] == 30 * 40 - 11 * 11).all()
     assert fields.rms_difference(sums) < 1e-14
+
+
+def test_only_points_near_a_tip_count():
+    """A change beyond two tip widths is no error near the tip; one within them is all of it."""
+    tip = np.tile([[[0.01, 0.15]]], (len(TIME), 1, 1))
+    reference = linear_series(X, Y, TIME).assign(tip=(("time", "finger", "axis"), tip))
+    reference.attrs["tip_width"] = 0.01
+    gx, gy = np.meshgrid(X, Y)
+    near = np.hypot(gx - 0.01, gy - 0.15) <= 0.02
+    for where, error in ((near, 0.1), (~near, 0.0)):
+        gain = np.where(where, 1.1, 1.0)
+        other = reference.assign(u=reference["u"] * gain, v=reference["v"] * gain)
+        # linear in time: rounding alone
+        assert near_tip_error(reference, other) == pytest.approx(error, abs=1e-12)
 
 
 def test_order_of_convergence_of_the_interpolation_is_two():

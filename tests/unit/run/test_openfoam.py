@@ -148,7 +148,7 @@ def test_ranks_on_other_hosts_get_the_environment_they_need(installed):
     installed()
     command = openfoam.solver_command(8, "hosts.txt")
     forwarded = [command[k + 1] for k, word in enumerate(command) if word == "-x"]
-    assert {"WM_PROJECT_DIR", "PATH", "OMP_NUM_THREADS"} <= set(forwarded)
+    assert {"WM_PROJECT_DIR", "PATH", "OMP_NUM_THREADS", "MALLOC_MMAP_MAX_"} <= set(forwarded)
     assert command[command.index("--hostfile") + 1] == "hosts.txt"
     assert command[-2:] == ["pimpleFoam", "-parallel"]
     assert "-x" not in openfoam.solver_command(8)
