@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from fileio.errors import suggestion
 from fileio.formats.plane_series import read_plane
 from piv.fields.summary import summary
 
@@ -51,7 +52,8 @@ def build(settings: dict[str, Any], *kinds: Any, more: tuple[str, ...] = ()) -> 
     names = [{field.name for field in fields(kind)} for kind in kinds]
     known = set(more).union(*names)
     if unknown := sorted(set(settings) - known):
-        raise ValueError(f"unknown setting {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        near = suggestion(unknown[0], known) or f"; known are {', '.join(sorted(known))}"
+        raise ValueError(f"unknown setting {unknown[0]!r}{near}")
     try:
         return [
             kind(**{key: settings[key] for key in own & settings.keys()})

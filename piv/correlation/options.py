@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from typing import Annotated, Any, TypedDict, TypeVar, cast, get_type_hints
 
 import numpy as np
 from numpy import ndarray
+
+from fileio.errors import suggestion
 
 # Newton steps at half and at full resolution; how often the frequency weights are measured
 PRESETS = {"fast": (2, 2, 1), "balanced": (3, 3, 1), "accurate": (4, 6, 2)}
@@ -105,3 +110,46 @@ class Options:
     def spectra(self) -> int:
         """Number of times that the frequency weights are measured."""
         return PRESETS[self.preset][2]
+
+
+class OptionWords(TypedDict, total=False):
+    """The fields of `Options` as keywords, for editors and type checkers."""
+
+    window: float
+    least_window: float
+    spacing: int
+    preset: str
+    passes: int
+    smoothing: bool
+    search: int
+    epsilon: float
+    threshold: float
+    min_correlation: float
+    max_std: float
+    max_masked: float
+    replace: bool
+    method: str
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def with_options(function: F) -> F:
+    """The function with `Options` in its signature; TypeError with the nearest spelling."""
+    signature = inspect.signature(function)
+    own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    hints, keyword = get_type_hints(Options), inspect.Parameter.KEYWORD_ONLY
+    more = [inspect.Parameter(f.name, keyword, default=f.default, annotation=hints[f.name])
+            for f in fields(Options)]  # fmt: skip
+    known = [*(p.name for p in own), *hints]
+
+    @wraps(function)
+    def checked(*args: Any, **words: Any) -> Any:
+        for name in words:
+            if name not in known:
+                near = suggestion(name, known) or f"; known are {', '.join(hints)}"
+                raise TypeError(f"{function.__name__}() has no option {name!r}{near}")
+        return function(*args, **words)
+
+    checked.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+    return cast(F, checked)

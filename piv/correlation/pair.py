@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -33,7 +33,7 @@ from piv.correlation.buffers import image_buffers
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import CELL
-from piv.correlation.options import Options, grid
+from piv.correlation.options import Options, OptionWords, grid, with_options
 from piv.correlation.pair_images import Prepared
 from piv.correlation.passes import Displacements, vector_dataset
 from piv.correlation.steep_regions import measure_steep_regions
@@ -46,7 +46,10 @@ __all__ = ["FLAGS", "Options", "correlate_pair"]
 VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
 
 
-def correlate_pair(a: Any, b: Any, *, mask: Any = None, **options: Any) -> xr.Dataset:
+@with_options
+def correlate_pair(
+    a: Any, b: Any, *, mask: Any = None, **options: Unpack[OptionWords]
+) -> xr.Dataset:
     """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
 
     a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a,

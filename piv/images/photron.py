@@ -14,8 +14,12 @@ class Photron(Recording):
     """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit."""
 
     def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
-        import pyMRAW  # compiles at import: only who needs it waits
-
+        try:
+            import pyMRAW  # compiles at import: only who needs it waits
+        except ImportError:
+            raise ValueError(
+                f"{path}: Photron recordings need the package pyMRAW: pip install pyMRAW"
+            ) from None
         header, self.path = _photron_files(path)
         try:
             cih = pyMRAW.get_cih(str(header))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import subprocess
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import imageio_ffmpeg
 import numpy as np
 
 from fileio.atomic import whole
@@ -39,7 +39,7 @@ def write_film(
         "-movflags +faststart"
     )
     with whole(path, suffix=True) as part, ThreadPoolExecutor(1) as pool:
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), *words.split(), str(part)]
+        command = [_ffmpeg(path), *words.split(), str(part)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             assert process.stdin is not None
             assert process.stderr is not None
@@ -56,6 +56,19 @@ def write_film(
                 raise
             reason = log.result().decode(errors="replace")
         _check(process.returncode, reason, path)
+
+
+def _ffmpeg(path: Path) -> str:
+    """The program: that of the package imageio-ffmpeg, or the system's."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ImportError:
+        if (found := shutil.which("ffmpeg")) is not None:
+            return found
+        raise ValueError(
+            f"{path}: films need ffmpeg: pip install imageio-ffmpeg, or name a .gif"
+        ) from None
+    return get_ffmpeg_exe()
 
 
 def _check(code: int, reason: str, path: Path) -> None:

@@ -8,9 +8,16 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
+from piv.correlation.options import OptionWords
 from piv.correlation.pair import correlate_pair
 
-COARSE = {"window": 64, "least_window": 64, "spacing": 48, "preset": "fast", "smoothing": False}
+COARSE: OptionWords = {
+    "window": 64,
+    "least_window": 64,
+    "spacing": 48,
+    "preset": "fast",
+    "smoothing": False,
+}
 # px RMS; less does not hold the correlation back, and the flow's own acceleration looks like it
 LEAST_SHAKE = 0.1
 LEAST_SIDE = 192  # px: smaller frames hold too few coarse windows

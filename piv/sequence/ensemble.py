@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import iadd
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
-from piv.correlation.options import Options
+from piv.correlation.options import Options, OptionWords, with_options
 from piv.correlation.pair import (
     both_seen,
     nodes_of,
@@ -29,8 +29,9 @@ from piv.correlation.uncertainty import errors_of
 Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
 
+@with_options
 def correlate_ensemble(
-    load: Callable[[int], Pair], count: int, *, quiet: bool = True, **options: Any
+    load: Callable[[int], Pair], count: int, *, quiet: bool = True, **options: Unpack[OptionWords]
 ) -> xr.Dataset:
     """Mean displacement of `count` pairs in px: correlations are summed before peaks are sought.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -13,15 +13,16 @@ from piv.correlation import passes, prefilter
 from piv.correlation.deform import Nodes
 from piv.correlation.fft_pass import window_maps
 from piv.correlation.newton_step import MOMENTS, cell_moments
-from piv.correlation.options import Options
+from piv.correlation.options import Options, OptionWords, with_options
 from piv.correlation.pair import both_seen, nodes_of, run_passes, to_dataset
 from piv.correlation.pair_images import Prepared, check_images, check_masks
 from piv.correlation.uncertainty import errors_of
 from piv.sequence.camera_shake import frame_shifts, shifted
 
 
+@with_options
 def correlate_frames(
-    frames: list[Any], *, mask: Any = None, shake: bool = True, **options: Any
+    frames: list[Any], *, mask: Any = None, shake: bool = True, **options: Unpack[OptionWords]
 ) -> xr.Dataset:
     """Displacement per frame interval at the middle of an odd number of equally spaced frames.
 

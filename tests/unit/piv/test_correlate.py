@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
+from dataclasses import fields
+from typing import get_type_hints
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fileio.formats.plane_series import check_plane
+from piv.correlation.options import Options, OptionWords
 from piv.correlation.pair import correlate_pair
+from piv.foreign.read import open_vectors
+from piv.sequence.ensemble import correlate_ensemble
+from piv.sequence.multiframe import correlate_frames
 from tests.studies.piv.particles import render
 
 SHAPE = (256, 320)
@@ -146,3 +154,20 @@ def test_optical_flow_is_near(pair):
     ds = correlate_pair(*pair, method="optical_flow").sel(x=slice(24, 290), y=slice(24, 230))
     assert float(abs(ds["u"] - 2).median()) < 0.1  # optical flow at quarter-pixel grade
     assert float(abs(ds["v"] - 1).median()) < 0.1
+
+
+def test_options_are_typed_and_unknown_ones_get_the_nearest_spelling():
+    assert set(OptionWords.__annotations__) == {field.name for field in fields(Options)}
+    assert get_type_hints(OptionWords) == get_type_hints(Options)
+    for function in (correlate_pair, correlate_frames, correlate_ensemble):
+        assert inspect.signature(function).parameters["window"].default == 32.0
+    with pytest.raises(TypeError, match="no option 'widow'; did you mean window"):
+        correlate_pair(np.zeros((64, 64)), np.zeros((64, 64)), widow=24)
+
+
+def test_a_missing_file_is_one_sentence_in_python(tmp_path):
+    for name in ("missing.h5", "missing.nc", "missing.dat"):
+        with pytest.raises(FileNotFoundError) as raised:
+            open_vectors(tmp_path / name)
+        assert str(raised.value) == f"{tmp_path / name}: no such file"
+        assert raised.value.__cause__ is None
