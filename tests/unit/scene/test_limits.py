@@ -88,7 +88,7 @@ NONSENSE = [
     ('mesh = "fine"', ["mesh", "got 'fine'"]),
     ("body = 3", ["body", "got 3"]),
     # accepted and meaningless before
-    ("[structure]\nbending_stiffness = 1e-12", ["structure.bending_stiffness", "at least 7.11e-06"]),
+    ("[structure]\nbending_stiffness = 1e-12", ["structure.bending_stiffness", "7.11e-06"]),
     (
         "[piv]\nframes = 99\n[camera]\npairs_every = 1\n[sheet]\nrate_hz = 100.0",
         ["piv.frames = 99", "42 frames", "0 vector fields", "fewer than 2"],
@@ -102,7 +102,8 @@ NONSENSE = [
     ("[sheet]\nthickness = 1e-12", ["sheet.thickness", "0.0001"]),
     ("[mesh]\nlayer_growth = 1.0000001", ["mesh.layer_growth", "1.02"]),
     (
-        "[motion]\nend_time = 1e6\n[numerics]\ntime_step = 20.0\nwrite_interval = 20.0\n[sheet]\nrate_hz = 0.05",
+        "[motion]\nend_time = 1e6\n[numerics]\ntime_step = 20.0\nwrite_interval = 20.0\n"
+        "[sheet]\nrate_hz = 0.05",
         ["motion.end_time = 1e+06 s", "at most 600"],
     ),
 ]  # fmt: skip
@@ -167,10 +168,10 @@ body = {{ shape = "plate", chord = 0.02, thickness = 1e-3, centre = [0.0, 0.15],
 model = {{ kind = "2d" }}
 camera = {{ columns = 200, rows = 200, centre = [0.0, 0.15] }}
 numerics = {{ time_step = 2e-3 }}
-mesh = {{ wall_cell = 1e-3, wall_first_layer = 4e-4, wall_layers = 2, tip_cell = 1e-3, near_cell = 3e-3,
-  far_cell = 0.02 }}
-motion = {{ source = "rigid", end_time = 0.4, rotation = {{ kind = "sine", amplitude = {turn}, period = {p},
-  smoothing = {smooth} }} }}
+mesh = {{ wall_cell = 1e-3, wall_first_layer = 4e-4, wall_layers = 2, tip_cell = 1e-3,
+  near_cell = 3e-3, far_cell = 0.02 }}
+motion = {{ source = "rigid", end_time = 0.4, rotation = {{ kind = "sine", amplitude = {turn},
+  period = {p}, smoothing = {smooth} }} }}
 [levels.smoke]
 """
 TURNS = [
