@@ -54,7 +54,7 @@ LONG = """
 [levels.draft]
 numerics = { time_step = 2.5e-4, write_interval = 0.02 }
 camera = { columns = 320, rows = 256, centre = [0.01, 0.185] }
-piv = { every = 10, preset = "fast" }
+piv = { every = 5, preset = "fast" }
 """
 FOLDER = ROOT / "cases" / "slurm_test"
 
