@@ -12,7 +12,6 @@ from fileio.formats import (
     elastic_motion,
     finger_loads,
     kinematics,
-    lab_fields,
     mesh_intervals,
     plane_series,
     recorded_motion,
@@ -23,7 +22,7 @@ from fileio.schema import rows
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "formats.csv"
 _MODULES = (
     plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
-    finger_loads, lab_fields, elastic_motion,
+    finger_loads, elastic_motion,
 )  # fmt: skip
 SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
 

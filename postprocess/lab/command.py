@@ -132,4 +132,4 @@ def _judge(files: LabFiles, dpiv: Dpiv, threads: int, quiet: bool) -> Path:
             ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
             print(f"{q['name']:16s} {q['verdict']:14s} {ratio}")
         print(f"verdict: {result['verdict']}")
-    return make_report(files)
+    return make_report(files, dpiv)

@@ -38,17 +38,13 @@ LAW = ("factor", "delay", "stretch")
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Parameters of the fit beside pose and law, (4,), with standard uncertainties.
-
-    Growth of the outline and its shift to the dorsal side (px), and the relative change of the
-    magnification along x and y of the tank frame (1/m).
-    """
+    """Growth of the outline and its shift to the dorsal side, (2,) px, with their `std`."""
 
     values: np.ndarray
     std: np.ndarray
 
 
-NO_NUISANCE = Nuisance(np.zeros(4), np.zeros(4))
+NO_NUISANCE = Nuisance(np.zeros(2), np.zeros(2))
 
 
 @dataclass(frozen=True)

@@ -12,36 +12,26 @@ import pandas as pd
 
 from fileio.atomic import sha256, write_text
 from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.lab_fields import write_fields
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import versions
 from piv.vortices.find import VortexSettings
-from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
 from postprocess.lab.data.inputs_toml import Inputs, read_inputs
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect, stacked
+from postprocess.lab.judgement.case import Case, Effect
+from postprocess.lab.judgement.flow import compared_instants, effect_of, flow_quantities, tables
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
-from postprocess.lab.judgement.uncertainty_sources import (
-    common_rows,
-    effect_of,
-    field_comparison,
-    flow_quantities,
-    tables,
-)
-from postprocess.lab.judgement.validation import FieldComparison, ValidatedQuantity
+from postprocess.lab.judgement.validation import ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 MOTION = ("final_bend", "duration")  # what the silhouette shows
-# a flow that is stronger or weaker as a whole shows in these
-STRENGTH = ("circulation", "velocity_field")
 COPIED = ["name", "label", "unit", "simulation", "direct", "data", "error"]
-COPIED += ["measurement_part", "finer"]
+COPIED += ["measurement_part", "finer", "scale", "u_val"]
 
 
 def _effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> Iterator[Effect]:
@@ -61,7 +51,7 @@ def _effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> Iterator[Ef
 def run_comparison(
     files: LabFiles, dpiv: Dpiv, *, seed: int = 1, threads: int = 1, quiet: bool = True
 ) -> dict[str, Any]:
-    """Evaluate both sides alike, compare, and write comparison.json, tables and fields.h5."""
+    """Evaluate both sides alike, compare, and write comparison.json and tables."""
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
     inputs = read_inputs(files.stage.scene_folder)
     registration = read_registration(files.registration)
@@ -69,7 +59,7 @@ def run_comparison(
         files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet
     )
     case = _make_case(files, dpiv, kinematics, registration, planes, inputs)
-    result, series, field = compare(case, inputs)
+    result, series = compare(case, inputs)
     direct, made = planes.direct, {e.name for e in case.effects}
     plane = "dwdz" in direct and not np.any(np.nan_to_num(direct["dwdz"].values))
     result |= {
@@ -87,8 +77,6 @@ def run_comparison(
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
     write_text(files.folder / "series.csv", series.to_csv(index=False))
-    fields = _field_values(case, field, result["rows"], planes.picture)
-    write_fields(files.folder / "fields.h5", fields)
     return result
 
 
@@ -102,57 +90,58 @@ def _make_case(
 ) -> Case:
     """The data of the budgets, with the effects of the runs."""
     settings = files.stage.numbers.vortices.model_dump(mode="json")
-    times = planes.direct["time"].values
-    window = stroke_window(times, planes.direct["bend"].values[:, 0].astype(float), MIDDLE)
     geometry, bend_std = fea_band(files, dpiv)
     px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
         px *= dpiv.scale.pixel
-    window_m = dpiv.piv.window * px
-    sides = planes.data, planes.virtual, planes.direct
-    fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
-    vortices = VortexSettings(**settings)
-    known = kinematics, registration, *sides, window, vortices, window_m
-    case = Case(*known, geometry, bend_std, fresh)
+    case = Case(
+        kinematics,
+        registration,
+        planes.data,
+        planes.virtual,
+        planes.direct,
+        VortexSettings(**settings),
+        dpiv.piv.window * px,
+        geometry,
+        bend_std,
+        dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4",
+    )
     case.effects.extend(_effects_of_runs(files, inputs, case))
     return case
 
 
-def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame, FieldComparison]:
-    """Verdicts, series over time, and the field.
+def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
+    """Verdicts, and series over time.
 
     The flow is judged at the recording's own motion, where its effect is known.
     """
     case = replace(case, motion=recorded_motion_parts(case))
     measured = tables(case)
-    rows = common_rows(measured, case.window)
+    rows, own = compared_instants(case, measured)
     quantities = motion_quantities(case) if case.registration.times.size else []
-    quantities += flow_quantities(case, measured, rows)
-    field = field_comparison(case, rows)
-    joint = budget.joint_level(len(quantities) + 1)
-    judged = [_judged(q, inputs.too_uncertain, joint) for q in quantities]
-    judged.append(_judged_field(field, case, rows, inputs.too_uncertain, joint))
-    wrong = [q["name"] for q in judged if q["joint_verdict"] == budget.ERROR]
+    quantities += flow_quantities(case, measured, rows, own)
+    level = budget.joint_level(len(quantities))
+    judged = [_judged(q, inputs.too_uncertain, level) for q in quantities]
     moves, flows = motion_verdict(judged), flow_verdict(judged)
+    times = case.direct["time"].values[rows]
     result = {
         "verdict": overall_verdict(moves, flows),
         "motion": moves,
         "flow": flows,
         "too_uncertain": inputs.too_uncertain,
-        "wrong": wrong,
-        "window_s": case.window,
+        "wrong": [q["name"] for q in judged if q["verdict"] == budget.ERROR],
+        "window_s": (float(times[0]), float(times[-1])),
         "instants": int(rows.sum()),
-        "rows": np.flatnonzero(rows),
         "quantities": judged,
         "registration": registration_summary(case.registration),
     }
-    return result, _series_table(case, measured), field
+    return result, _series_table(case, measured)
 
 
 def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
     """Whether the finger moves as simulated; None where that was not tested."""
     motion = [q for q in judged if q["name"] in MOTION]
-    words = {q["joint_verdict"] for q in motion}
+    words = {q["verdict"] for q in motion}
     if not motion:
         return None
     if budget.ERROR not in words and any(q["differs"] for q in motion):
@@ -161,15 +150,9 @@ def motion_verdict(judged: list[dict[str, Any]]) -> str | None:
 
 
 def flow_verdict(judged: list[dict[str, Any]]) -> str:
-    """Whether the flow is as simulated; it agrees only where one of `STRENGTH` could show an error.
-
-    The jet alone is no evidence: beside the tip the water moves as the finger does.
-    """
-    flow = [q for q in judged if q["name"] not in MOTION]
-    if any(q["joint_verdict"] == budget.ERROR for q in flow):
-        return budget.ERROR
-    seen = any(q["joint_verdict"] == budget.AGREES for q in flow if q["name"] in STRENGTH)
-    return budget.AGREES if seen else budget.UNCERTAIN
+    """Whether the flow is as simulated; it agrees only where its circulation is decided."""
+    words = {q["name"]: q["verdict"] for q in judged if q["name"] not in MOTION}
+    return budget.ERROR if budget.ERROR in words.values() else words["circulation"]
 
 
 def overall_verdict(motion: str | None, flow: str) -> str:
@@ -178,78 +161,20 @@ def overall_verdict(motion: str | None, flow: str) -> str:
     return next(word for word in order if word in (motion, flow))
 
 
-def _judged(q: ValidatedQuantity, too_uncertain: float, joint: float) -> dict[str, Any]:
-    found = q.detectable(joint)
+def _judged(q: ValidatedQuantity, too_uncertain: float, level: float) -> dict[str, Any]:
     return {
         **{name: getattr(q, name) for name in COPIED},
         "explained_by_motion": q.explained,
-        "scale": q.scale,
-        "u_val": q.u_val,
         "u_instant": q.instant,
-        "k": budget.coverage_factor(q.error.size),
+        "k": budget.coverage_factor(q.error.size, level),
         **{symbol: q.u_kind(kind) for kind, symbol in budget.KINDS.items()},
         "significance": q.significance(),
-        "verdict": q.verdict(too_uncertain),
-        "joint_verdict": q.verdict(too_uncertain, joint),
-        "detectable": found if np.isfinite(found) else None,
-        "differs": q.name in MOTION and q.differs(joint),
+        "verdict": q.verdict(too_uncertain, level),
+        "detectable": q.detectable(level),
+        "differs": q.name in MOTION and q.differs(level),
         "dominant": q.dominant.name,
         "sources": [asdict(s) for s in q.sources],
     }
-
-
-def _judged_field(
-    field: FieldComparison, case: Case, rows: np.ndarray, too_uncertain: float, joint: float
-) -> dict[str, Any]:
-    parts, rms = field.parts(), field.rms()
-    finer = sum(e.field[rows] for e in case.finer)
-    data, direct = stacked(case.data)[rows], stacked(case.direct)[rows] + finer
-    simulation = stacked(case.simulation)[rows] + finer
-    moved = sum(part.share * part.effect.field[rows] for part in case.motion)
-    scale = np.array([_rms(data)])
-    squares = {kind: sum(v**2 for k, v in parts.values() if k == kind) for kind in budget.KINDS}
-    allowed = {level: field.allowed_rms(level) for level in (budget.LEVEL, joint)}
-
-    def word(level: float) -> str:
-        if rms > allowed[level]:
-            return budget.ERROR
-        hidden = field.detectable(level) > too_uncertain * scale[0]
-        return budget.UNCERTAIN if hidden else budget.AGREES
-
-    u_val = np.array([np.sqrt(sum(v**2 for _, v in parts.values()))])
-    return {
-        "name": "velocity_field",
-        "label": "velocity field (RMS of the difference)",
-        "unit": "m/s",
-        "simulation": np.array([_rms(simulation)]),
-        "direct": np.array([_rms(direct)]),
-        "data": scale,
-        "error": np.array([rms]),
-        "direct_error": _rms(direct - data),
-        "measurement_part": None,
-        "finer": np.array([_rms(finer)]) if case.finer else None,
-        "explained_by_motion": np.array([_rms(moved)]) if case.motion else None,
-        "scale": scale[0],
-        "u_val": u_val,
-        "k": allowed[budget.LEVEL] / float(u_val[0]),
-        **{symbol: np.sqrt([squares[kind]]) for kind, symbol in budget.KINDS.items()},
-        "significance": rms / float(u_val[0]),
-        "verdict": word(budget.LEVEL),
-        "joint_verdict": word(joint),
-        "detectable": field.detectable(joint),
-        "differs": False,
-        "dominant": max(parts, key=lambda n: parts[n][1]),
-        "sources": [
-            asdict(budget.Source(n, k, np.array([v]), "RMS over the field"))
-            for n, (k, v) in parts.items()
-        ],
-        "model_error_rms": float(np.sqrt(max(rms**2 - float(u_val[0]) ** 2, 0.0))),
-    }
-
-
-def _rms(velocity: np.ndarray) -> float:
-    """RMS speed (m/s) of vectors (time, 2, y, x), of those that are known."""
-    return float(np.sqrt(np.nanmean(np.sum(velocity**2, axis=1))))
 
 
 def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
@@ -296,21 +221,3 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
 
 def _component(values: np.ndarray | None, k: int) -> float | None:
     return None if values is None else float(values[k])
-
-
-def _field_values(
-    case: Case, field: FieldComparison, rows: np.ndarray, picture: np.ndarray | None
-) -> dict[str, Any]:
-    """Variables of fields.h5."""
-    times = case.direct["time"].values
-    values = {
-        "time": times[rows],
-        "y": case.direct["y"].values,
-        "x": case.direct["x"].values,
-        "error": field.error.astype(np.float32),
-        "u_val": field.u_val().astype(np.float32),
-        "significance": field.significance().astype(np.float32),
-    }
-    if picture is None:
-        return values
-    return values | {"picture": picture, "picture_time": float(times[times.size // 2])}

@@ -6,7 +6,7 @@ import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.files import Registration
-from postprocess.lab.judgement.inputs_of_budget import Case, MotionPart
+from postprocess.lab.judgement.case import Case, MotionPart
 from postprocess.lab.judgement.validation import Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
 

@@ -36,7 +36,6 @@ from postprocess.lab.registration.silhouette import learn
 
 GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations from a stated or plausible value
-HARMLESS = 1.0  # %, change of the magnification over the finger that later steps tolerate
 # ratio to the water's own density: at least beside the outline, at most within it
 MISSING, WITHIN = 0.8, 0.08
 BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
@@ -81,8 +80,7 @@ def check_fit(
     parts = _wrong_parts(profile)
     motion = check_motion(kinematics, registration, np.diff(times).max())
     refusals = check_priors(registration, scale_std, turn_std)
-    # a motion that is not explained reads as perspective
-    refusals += motion or check_tilt(registration, kinematics.length)
+    refusals += motion
     if parts:
         refusals.append(_parts_sentence(parts))
     worst = _worst_picture(profile)
@@ -99,19 +97,6 @@ def check_fit(
     return FitCheck(refusals, images[worst], profile.outlines[worst], wrong)
 
 
-def check_tilt(registration: Registration, length: float) -> list[str]:
-    """A sentence where a perspective is seen; `length` (m) of the finger."""
-    values, std = registration.nuisance.values[2:], registration.nuisance.std[2:]
-    change = 100 * length * float(np.abs(values).max())
-    if change < HARMLESS or (np.abs(values) <= FAR_OFF * std).all():
-        return []
-    return [
-        f"the magnification changes by {change:.1f} % over the finger's length: the camera does not"
-        " look squarely at the sheet; turn it, or take a picture of a target in the sheet and use"
-        " piv calibrate"
-    ]
-
-
 def check_priors(
     registration: Registration, scale_std: float | None, turn_std: float | None
 ) -> list[str]:
@@ -119,7 +104,7 @@ def check_priors(
     out = []
     std = np.sqrt(np.diag(registration.covariance))
     pose, stated = registration.pose, registration.stated
-    edge, lateral = registration.nuisance.values[:2]
+    edge, lateral = registration.nuisance.values
     most = FAR_OFF * NUISANCE_STD
     if not -most[0] <= edge <= GROWN:
         change, limit = ("grown", GROWN) if edge > 0 else ("shrunk", most[0])

@@ -38,7 +38,7 @@ def best_delay(
     """
     table, outlines, normals = shapes
     pictures = frames.integrals, frames.mean, outlines, normals, np.asarray(pose.anchor)
-    seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0, 0.0, 0.0)
+    seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0)
     scores = []
     for delay in delays:
         at = np.clip((frames.times - delay) / stretch, *kinematics.time)

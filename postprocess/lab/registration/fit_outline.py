@@ -31,15 +31,14 @@ CHAINS, EFFECTIVE = 12, 0.5  # and the share of them that a step of the heat lea
 STEP = 0.6  # first size of a joint step
 ALIKE = 0.4  # variance between the chains over that within, where they have converged
 # spread of the chains at the start, of `files.Nuisance` and of factor, delay (s), stretch
-NUISANCE_ABOUT = np.array([0.5, 0.2, 0.03, 0.03])
+NUISANCE_ABOUT = np.array([0.5, 0.2])
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
 # range of a single frame's bend, in standard deviations, and its step, in the table's
 FAR_OFF, FINE_STEP = 4.0, 0.1
-# priors of `files.Nuisance` about 0: blur and the mould's tolerance (px), light on one side (px),
-# perspective of a camera askew by 5° at half a metre (1/m)
-NUISANCE_STD = np.array([1.5, 0.5, 0.2, 0.2])
-# while frames are loosely bound to the law, the last three would take up the motion
-ROUGH_NUISANCE_STD = np.array([1.5, 0.05, 0.01, 0.01])
+# priors of `files.Nuisance` about 0: blur and the mould's tolerance (px), light on one side (px)
+NUISANCE_STD = np.array([1.5, 0.5])
+# while frames are loosely bound to the law, the second would take up the motion
+ROUGH_NUISANCE_STD = np.array([1.5, 0.05])
 LAW_STD = 0.3  # weak prior of factor and stretch about 1, for parts of the motion
 
 
@@ -57,7 +56,7 @@ class Frames:
 class OutlineFit:
     """Samples of the change of the pose `first`, of nuisance, law and each frame's pressure.
 
-    `pose` (sample, 4: x px, y px, angle, ln magnification), `nuisance` (sample, 4), `law`
+    `pose` (sample, 4: x px, y px, angle, ln magnification), `nuisance` (sample, 2), `law`
     (sample, 3: factor, delay s, stretch), `parameter` (sample, frame; Pa).
     """
 
@@ -76,13 +75,13 @@ class OutlineFit:
         """Evidence in the middle of the samples, of an outline grown by `grown_px`."""
         table, outlines, normals = outline_table(kinematics)
         pose, pressures, _ = self.means()
-        seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0, 0.0, 0.0)
+        seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0)
         places = (pressures - table[0]) / (table[1] - table[0])
         at = np.asarray(pose.anchor), seat, places
         return float(all_scores(frames.integrals, frames.mean, outlines, normals, *at).sum())
 
     def means(self) -> tuple[Pose, np.ndarray, np.ndarray]:
-        """Pose, pressures (frame,) Pa and nuisance (4,) in the middle of the samples."""
+        """Pose, pressures (frame,) Pa and nuisance (2,) in the middle of the samples."""
         return self.mean_pose(), self.parameter.mean(axis=0), self.nuisance.mean(axis=0)
 
 
@@ -170,7 +169,7 @@ def fit_outline(
 
     `deviation` (frame,) Pa: of a frame from the law. `about` (4,): uncertainty of the first pose
     (px, px, rad, ln magnification). `scale` (m per px, relative standard uncertainty) and
-    `stated_delay` (s, s): priors, or None. `nuisance` (4,): first guess; `nuisance_std`: of its
+    `stated_delay` (s, s): priors, or None. `nuisance` (2,): first guess; `nuisance_std`: of its
     prior about 0. `sweeps`: of each chain, at each heat and in each of at most `rounds`, of which
     the second half is kept. `every`: of so many points of the outline one is used. ValueError
     where the recording's finger bends further than the simulation's shapes reach.
@@ -180,14 +179,14 @@ def fit_outline(
     step = table[1] - table[0]
     clock = np.linspace(*kinematics.time, LAW_POINTS)
     history = (kinematics.law(clock) - table[0]) / step
-    nuisance = np.zeros(4) if nuisance is None else nuisance
-    mean, weight = np.zeros(11), np.zeros(11)
-    mean[4:8], weight[4:8] = -nuisance, nuisance_std**-2.0
-    mean[[8, 10]], weight[[8, 10]] = 1.0 - law[[0, 2]], LAW_STD**-2
+    nuisance = np.zeros(2) if nuisance is None else nuisance
+    mean, weight = np.zeros(9), np.zeros(9)
+    mean[4:6], weight[4:6] = -nuisance, nuisance_std**-2.0
+    mean[[6, 8]], weight[[6, 8]] = 1.0 - law[[0, 2]], LAW_STD**-2
     if scale is not None:
         mean[3], weight[3] = np.log(first.pixel / scale[0]), scale[1] ** -2
     if stated_delay is not None:
-        mean[9], weight[9] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
+        mean[7], weight[7] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
     start = np.array([*first.at_px, first.angle, first.pixel, *nuisance, *law])
     apart = np.asarray(deviation, float) / step
     rng = np.random.default_rng(seed)
@@ -249,8 +248,8 @@ def fit_outline(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
             " give the simulation the recording's pressure (motion.strokes in scene.toml)"
         )
-    pressures, moved_law = table[0] + step * places, states[:, 8:] + law
-    change = states[:, :4], states[:, 4:8] + nuisance
+    pressures, moved_law = table[0] + step * places, states[:, 6:] + law
+    change = states[:, :4], states[:, 4:6] + nuisance
     return OutlineFit(first, *change, moved_law, pressures, frames.times)
 
 

@@ -74,7 +74,7 @@ def outline_profile(
 ) -> OutlineProfile:
     """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa.
 
-    `nuisance` (4,): of the outline; `blind` (frame, rows, columns): pixels to leave out.
+    `nuisance` (2,): of the outline; `blind` (frame, rows, columns): pixels to leave out.
     """
     table, outlines, _ = outline_table(kinematics)
     rest = np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))
@@ -113,16 +113,14 @@ def seen_outlines(
 ) -> np.ndarray:
     """Outlines (frame, point, 2) px at `pressures` (frame,) Pa as the fit draws them."""
     table, outlines, normals = outline_table(kinematics)
-    edge, lateral, *perspective = nuisance
+    edge, lateral = nuisance
     drawn = []
     for pressure in pressures:
         at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
         k, w = int(at), at - int(at)
         outline, normal = ((1 - w) * a[k] + w * a[k + 1] for a in (outlines, normals))
-        from_root = outline - pose.anchor
-        near = from_root / (1 + from_root @ np.asarray(perspective))[:, None] + pose.anchor
         out = (edge + lateral * normal[:, 2:]) * normal[:, :2]
-        drawn.append(pose.to_px(near) + out @ pose.rotation.T)
+        drawn.append(pose.to_px(outline) + out @ pose.rotation.T)
     return np.array(drawn)
 
 

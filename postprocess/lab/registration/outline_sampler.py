@@ -17,10 +17,10 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
     """Evidence inside the outline at `place` (index into the table, fractional) in one frame.
 
     `integral` and `mean` as of `silhouette.integral_image`; `seat`: x and y (px) of `anchor` (m),
-    angle (rad), size of a pixel (m), and the four of `files.Nuisance`; `normals` as of
+    angle (rad), size of a pixel (m), and the two of `files.Nuisance`; `normals` as of
     `outline_table`.
     """
-    x0, y0, angle, pixel, edge, lateral, along_x, along_y = seat
+    x0, y0, angle, pixel, edge, lateral = seat
     c, s = np.cos(angle), np.sin(angle)
     magnification = 1 / pixel
     t = min(max(int(place), 0), outlines.shape[0] - 2)
@@ -33,10 +33,9 @@ def frame_score(integral, mean, outlines, normals, anchor, seat, place):
         x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
         y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
         nx, ny = normals[t, m, 0], normals[t, m, 1]
-        near = magnification / (1 + along_x * x + along_y * y)
         out = edge + lateral * normals[t, m, 2]
-        qx = x0 + near * (c * x - s * y) + out * (c * nx - s * ny)
-        qy = y0 + near * (s * x + c * y) + out * (s * nx + c * ny)
+        qx = x0 + magnification * (c * x - s * y) + out * (c * nx - s * ny)
+        qy = y0 + magnification * (s * x + c * y) + out * (s * nx + c * ny)
         if k > 0:
             total += left_of(integral, mean, px, py, qx, qy)
         px, py = qx, qy
@@ -54,9 +53,9 @@ def all_scores(integrals, mean, outlines, normals, anchor, seat, places):
 
 @numba.njit(cache=True)
 def _seat_of(first, change):
-    """The `seat` of `frame_score` that `first` (11,) becomes by a change (11,) of the chain."""
+    """The `seat` of `frame_score` that `first` (9,) becomes by a change (9,) of the chain."""
     to = first + change
-    return to[0], to[1], to[2], first[3] * np.exp(-change[3]), to[4], to[5], to[6], to[7]
+    return to[0], to[1], to[2], first[3] * np.exp(-change[3]), to[4], to[5]
 
 
 @numba.njit(cache=True)
@@ -102,15 +101,15 @@ def walk(
 ):
     """Sweeps of several chains through pose, nuisance, law and the frames' places.
 
-    A chain is at a change (11,) of `first` (x, y, angle, scale or ln magnification, 4 of
-    `files.Nuisance`, factor, delay, stretch), `changes` (chain, 11), and at deviations `offs`
+    A chain is at a change (9,) of `first` (x, y, angle, scale or ln magnification, 2 of
+    `files.Nuisance`, factor, delay, stretch), `changes` (chain, 9), and at deviations `offs`
     (chain, frame) of the places from the law's, of standard size `apart` (frame,); both are moved
     on. Besides joint steps the law takes steps under places that stay, which only the deviations
     follow (interweaving, Yu and Meng 2011): it would else hardly move where these are large.
-    `factor` (11, 11): Cholesky factor of the steps' covariance; `sizes` (2,), `alone` (frame,):
+    `factor` (9, 9): Cholesky factor of the steps' covariance; `sizes` (2,), `alone` (frame,):
     sizes of joint steps, of the law's and of each frame's, adapted by `adapt`. `mean_prior`,
     `weight_prior`: of the changes' priors. `heat`: share of the evidence that counts. States go to
-    `out` (chain, sweep, 11) and `out_places` (chain, sweep, frame). Returns the evidence (chain,).
+    `out` (chain, sweep, 9) and `out_places` (chain, sweep, frame). Returns the evidence (chain,).
     """
     chains, sweeps, size = out.shape
     frames = times.size
@@ -118,13 +117,13 @@ def walk(
     evidence = np.empty(chains)
     for c in range(chains):
         change, off = changes[c].copy(), offs[c].copy()
-        places = _law_places(times, first[8:] + change[8:], law, begin, step) + off
+        places = _law_places(times, first[6:] + change[6:], law, begin, step) + off
         scores = all_scores(
             integrals, mean_evidence, outlines, normals, anchor, _seat_of(first, change), places
         )
         for sweep in range(sweeps):
             new = change + sizes[0] * factor @ rng.standard_normal(size)
-            new_law = first[8:] + new[8:]
+            new_law = first[6:] + new[6:]
             accept = new_law[0] > 0.05 and new_law[2] > 0.05
             if accept:
                 new_places = _law_places(times, new_law, law, begin, step) + off
@@ -143,19 +142,19 @@ def walk(
                     change, scores, places = new, tried, new_places
             sizes[0] *= np.exp(adapt * ((1.0 if accept else 0.0) - TAKEN))
             for _ in range(LAW_STEPS):
-                new_law = change[8:] + sizes[1] * factor[8:] @ rng.standard_normal(size)
-                values = first[8:] + new_law
+                new_law = change[6:] + sizes[1] * factor[6:] @ rng.standard_normal(size)
+                values = first[6:] + new_law
                 if values[0] <= 0.05 or values[2] <= 0.05:
                     continue
                 new_off = places - _law_places(times, values, law, begin, step)
                 gain = -0.5 * np.sum((new_off**2 - off**2) / apart**2)
                 gain -= 0.5 * np.sum(
-                    weight_prior[8:]
-                    * ((new_law - mean_prior[8:]) ** 2 - (change[8:] - mean_prior[8:]) ** 2)
+                    weight_prior[6:]
+                    * ((new_law - mean_prior[6:]) ** 2 - (change[6:] - mean_prior[6:]) ** 2)
                 )
                 better = np.log(rng.random()) < gain
                 if better:
-                    change[8:], off = new_law, new_off
+                    change[6:], off = new_law, new_off
                 sizes[1] *= np.exp(adapt * ((1.0 if better else 0.0) - TAKEN))
             seat = _seat_of(first, change)
             for f in range(frames):

@@ -34,7 +34,7 @@ def answer(result: dict[str, Any]) -> str:
         parts += [_blame_of_motion(result["registration"]), _motion_effect(flow)]
     if wrong := _wrong(result, flow):
         parts.append(_blame_of_flow(result, wrong))
-    return " ".join(part for part in [*parts, _by_chance(result), _incomplete(result)] if part)
+    return " ".join(part for part in [*parts, _incomplete(result)] if part)
 
 
 def _wrong(result: dict[str, Any], quantities: list[Quantity]) -> list[Quantity]:
@@ -82,21 +82,11 @@ def _listed(quantities: list[Quantity]) -> str:
 
 def _undecided(quantities: list[Quantity]) -> str:
     """Undecided quantities with the error that would be found, and the largest uncertainty."""
-    wide = (q for q in quantities if q["joint_verdict"] == "too uncertain")
+    wide = (q for q in quantities if q["verdict"] == "too uncertain")
     return ", ".join(
-        f"{q['label']} ({'no error' if q['detectable'] is None else f'errors above {relative(q)}'}"
-        f" would be found, mostly {q['dominant']})"
+        f"{q['label']} (errors above {relative(q)} would be found, mostly {q['dominant']})"
         for q in wide
     )
-
-
-def _by_chance(result: dict[str, Any]) -> str:
-    """Quantities beyond their own limit of 95 %, but within the joint one."""
-    judged = result["quantities"]
-    wrong = [q for q in judged if q["verdict"] == "model error"]
-    alone = ", ".join(q["label"] for q in wrong if q["name"] not in result["wrong"])
-    text = f"Beyond its own limit of 95{NBSP}%: {alone}; among {len(judged)} quantities that may be"
-    return f"{text} chance." if alone else ""
 
 
 def _incomplete(result: dict[str, Any]) -> str:

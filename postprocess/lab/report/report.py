@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
-from fileio.formats.lab_fields import read_fields
 from fileio.formats.records import LAB_COMPARISON
 from postprocess.draw.style import save
+from postprocess.lab.data.dpiv_toml import Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration
+from postprocess.lab.data.pictures import LabRecording
 from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.report import answers, draw, wording
 from postprocess.report.page_template import page_template
@@ -25,12 +26,14 @@ from postprocess.report.page_template import page_template
 PICTURE_DPI = 120
 
 
-def make_report(files: LabFiles) -> Path:
+def make_report(files: LabFiles, dpiv: Dpiv) -> Path:
     """Write figures and report.html; FileNotFoundError where the comparison was not run."""
     if not files.comparison.exists():
         raise FileNotFoundError(f"{files.comparison} is missing; run make compare first")
     result = LAB_COMPARISON.read(files.comparison)
-    pictures = {n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, result)}
+    pictures = {
+        n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, dpiv, result)
+    }
     path = files.folder / "report.html"
     write_text(path, page(files.stage.numbers.title, result, pictures))
     return path
@@ -60,14 +63,13 @@ def _saved(files: LabFiles, name: str, figure: Figure) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(svg.read_bytes()).decode()}"
 
 
-def _figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Figure, str]]:
+def _figures(
+    files: LabFiles, dpiv: Dpiv, result: dict[str, Any]
+) -> Iterator[tuple[str, Figure, str]]:
     """All figures: name, figure and alternative text."""
     registration = read_registration(files.registration)
     kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    table, values = (
-        pd.read_csv(files.folder / "series.csv"),
-        read_fields(files.folder / "fields.h5"),
-    )
+    table = pd.read_csv(files.folder / "series.csv")
     by_name = {q["name"]: q for q in result["quantities"]}
     alt = "Circulation over time with 95 % bands"
     yield "series", draw.series(table, by_name, tuple(result["window_s"])), alt
@@ -75,10 +77,12 @@ def _figures(files: LabFiles, result: dict[str, Any]) -> Iterator[tuple[str, Fig
     bends = registration.times - law.delay, kinematics.bend(registration.pressures)
     figure = draw.motion(table, result["registration"], *bends)
     yield "motion", figure, "Bend angle over time, simulation and recording"
-    if "picture" in values:
-        time = float(values.attrs.get("picture_time", 0.0))
-        fitted = law_pressure(kinematics, np.array([time + law.delay]), law.values)[0]
-        pressures = fitted, float(kinematics.law(time))
+    if dpiv.kind == "pictures":
+        with LabRecording(dpiv) as recording:
+            middle = len(recording) // 2
+            picture, time = recording.frame(middle), float(recording.times[middle])
+        fitted = law_pressure(kinematics, np.array([time]), law.values)[0]
+        pressures = fitted, float(kinematics.law(time - law.delay))
         outlines = (registration.pose.to_px(kinematics.shape("outline", p)) for p in pressures)
         alt = "A picture of the recording with the finger's outline as fitted and as simulated"
-        yield "picture", draw.overlay(values["picture"].values, *outlines), alt
+        yield "picture", draw.overlay(picture, *outlines), alt

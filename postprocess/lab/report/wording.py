@@ -33,10 +33,7 @@ def part_of(q: dict[str, Any]) -> str:
 
 
 def relative(q: dict[str, Any]) -> str:
-    """The smallest error that is found with 95 %, in per cent of the quantity; a place's in mm.
-
-    `detectable` must not be None.
-    """
+    """The smallest error that is found with 95 %, in per cent of the quantity; a place's in mm."""
     if np.size(q["error"]) > 1 or not q["scale"]:
         return size(q["detectable"], q["unit"])
     return f"{100 * q['detectable'] / abs(q['scale']):.0f}{NBSP}%"
@@ -60,7 +57,7 @@ def _row(q: dict[str, Any]) -> dict[str, Any]:
         "significance": f"{q['significance']:.2f}",
         "k": f"{q['k']:.2f}",
         "verdict": q["verdict"],
-        "detectable": "none" if found is None else f"{size(found, unit)} ({relative(q)})",
+        "detectable": f"{size(found, unit)} ({relative(q)})",
         "sentence": verdict_sentence(q),
         "dominant": f"{q['dominant']} ({BLAME[source['kind']]})",
         "sources": [(s["name"], s["kind"], size(s["std"], unit), s["how"]) for s in q["sources"]],

@@ -39,7 +39,6 @@ class CommonGrid:
     data: xr.Dataset
     virtual: xr.Dataset | None
     direct: xr.Dataset
-    picture: np.ndarray | None
     appearance: dict[str, Any]
 
 
@@ -55,14 +54,14 @@ def on_common_grid(
     with read_plane(files.sheet) as sheet:
         sheet = sheet.load()
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
-    data, virtual, picture, seen = make(files, dpiv, kinematics, registration, sheet, options)
+    data, virtual, seen = make(files, dpiv, kinematics, registration, sheet, options)
     x, y, times = (data[name].values for name in ("x", "y", "time"))
     direct = camera_series(sheet, registration.pose, x, y, times)
     written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
     for name, source, plane in written:
         if plane is not None:
             write_plane(plane, files.side(name), source=source)
-    return CommonGrid(data, virtual, direct, picture, {} if seen is None else asdict(seen))
+    return CommonGrid(data, virtual, direct, {} if seen is None else asdict(seen))
 
 
 def _used_frames(
@@ -133,8 +132,7 @@ def _of_pictures(files, dpiv, kinematics, registration, sheet, options):
         at = pose, camera, seeding, times, ours, dpiv.piv, files.folder
         virtual = virtual_experiment(sheet, *at, **options)
         virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
-        middle = recording.frame(int(index[index.size // 2]))
-    return data, virtual, middle, seen
+    return data, virtual, seen
 
 
 def appearance_of(images: list[np.ndarray], masks: list[np.ndarray]) -> Appearance:
@@ -166,7 +164,7 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
     pressures = kinematics.law(times)
     data = with_finger(plane, kinematics, pose, pressures)
     if not isinstance(dpiv.camera, LabCamera):
-        return data, None, None, None
+        return data, None, None
     c = dpiv.camera
     seen = Appearance(c.density_ppp, c.diameter_px, c.peak, c.background, c.read_noise)
     pairs = np.column_stack([times - margin, times + margin]).ravel()
@@ -188,4 +186,4 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
     more["flag"] = np.where(sure, VALID, np.where(whole, UNCERTAIN, OUTLIER)).astype(np.uint8)
     u, v = np.moveaxis(np.where(whole[:, None], velocity, np.nan), 1, 0)
     virtual = make_plane(x, y, u, v, time=times, valid=sure, **more)
-    return data, with_finger(virtual, kinematics, pose, pressures), None, seen
+    return data, with_finger(virtual, kinematics, pose, pressures), seen

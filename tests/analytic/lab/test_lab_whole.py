@@ -151,7 +151,7 @@ def test_virtual_camera_is_put_before_the_vectors(run, tmp_path):
     text = text.replace("at_s = 0.05", "at_s = 0.13").replace("window = 24", "window = 16")
     path.write_text(text)
     _, quantities, _ = compared(run, path.parent)
-    assert quantities["velocity_field"]["verdict"] != "model error"
+    assert quantities["circulation"]["verdict"] != "model error"
     assert relative_error(quantities) < 0.03  # 0.04 %; 10 % where only the simulation is smoothed
 
 

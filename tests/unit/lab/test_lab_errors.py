@@ -1,18 +1,13 @@
 """Errors of registration and vectors in a quantity, against differences worked out by hand."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.uncertainty_sources import (
-    common_rows,
+from postprocess.lab.judgement.flow import (
     excess_scatter,
     independent_instants,
-    mean_factor,
-    mean_std,
-    means,
     place_jacobian,
 )
 from postprocess.lab.registration.fit_outline import moved
@@ -88,40 +83,3 @@ def test_scatter_that_the_vectors_do_not_know_is_found():
     scatter = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
     assert scatter == pytest.approx([4.0, 0.0], rel=0.1)
     assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])
-
-
-@pytest.mark.parametrize("seen", [slice(None), slice(0, 4), [0, 3, 4, 5]])
-def test_a_mean_does_not_hang_on_which_instants_show_the_vortex(seen):
-    """A vortex that grows through the window: the same run read −148, −136 or −130 cm²/s."""
-    times = np.linspace(0.1, 0.2, 6)
-    table = pd.DataFrame({"time": times, "circulation": -0.010 - 0.05 * (times - 0.1)})
-    rows = np.zeros(6, bool)
-    rows[seen] = True
-    assert means(table, rows, (0.1, 0.2))["circulation"] == pytest.approx(-0.0125)
-    assert mean_factor(times[rows], (0.1, 0.2)) >= 1.0
-
-
-def test_a_mean_of_differences_is_as_uncertain_as_they_scatter():
-    """The middle of the line scatters over many draws by what each of them states."""
-    rng, times, window = np.random.default_rng(8), np.linspace(0.1, 0.2, 6), (0.1, 0.2)
-    stated, middle = [], []
-    for _ in range(1500):
-        circulation = 3.0 + 20 * times + rng.normal(0, 2.0, 6)
-        table = pd.DataFrame({"time": times, "circulation": circulation})
-        stated.append(mean_std(table, table["time"], window)["circulation"])
-        middle.append(means(table, np.ones(6, bool), window)["circulation"])
-    rms = np.sqrt(np.mean(np.square(stated)))
-    # three standard errors of 1500 draws each way, 1.8 and 1.8 %
-    assert rms == pytest.approx(np.std(middle), rel=0.08)
-    straight = pd.DataFrame({"time": times, "circulation": 3.0 + 20 * times})
-    std = mean_std(straight, straight["time"], window)["circulation"]
-    assert std == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_vortex_that_is_not_seen_in_the_middle_of_the_window_is_refused():
-    """The line would have to be drawn on to where nothing was seen."""
-    table = pd.DataFrame({"time": np.linspace(0.1, 0.2, 11), "circulation": -0.01})
-    assert common_rows({"data": table}, (0.1, 0.2)).all()
-    late = table.assign(circulation=table["circulation"].where(table["time"] > 0.155))
-    with pytest.raises(ValueError, match=r"only from 0\.160 to 0\.200 s, which leaves out the mid"):
-        common_rows({"data": table, "virtual": late}, (0.1, 0.2))

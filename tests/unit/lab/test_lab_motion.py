@@ -9,19 +9,18 @@ import pytest
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.inputs_of_budget import Case, Effect
-from postprocess.lab.judgement.motion import final_bend, recorded_motion_parts, stroke_duration
-from postprocess.lab.judgement.uncertainty_sources import (
+from postprocess.lab.judgement.case import Case, Effect
+from postprocess.lab.judgement.flow import (
     explained_by_motion,
-    gain_of_growth,
     motion_sources,
     run_sources,
 )
+from postprocess.lab.judgement.motion import final_bend, recorded_motion_parts, stroke_duration
 from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
 COLUMNS = ("circulation",)
-NOT_SCATTERED = pd.Series({"circulation": 0.0})
+ROWS = np.ones(3, bool)
 
 
 @pytest.fixture(scope="module")
@@ -38,10 +37,10 @@ def case(tmp_path_factory):
         ("grid", "numerical", 2e-5, 0.0, 0.0),
     )
     effects = [
-        Effect(n, kind, "", 0.5, pd.Series({"circulation": c}), NOT_SCATTERED, np.zeros(0), b, d)
+        Effect(n, kind, "", 0.5, pd.DataFrame({"circulation": [c] * 3}), b, d)
         for n, kind, c, b, d in runs
     ]
-    known = kinematics, registration, None, None, None, (0.0, 1.0), VortexSettings(0.004), 0.006
+    known = kinematics, registration, None, None, None, VortexSettings(0.004), 0.006
     return Case(*known, True, 0.02, True, effects)
 
 
@@ -56,31 +55,20 @@ def test_the_motion_is_counted_in_changes_of_the_runs(case):
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
     moved = replace(case, motion=recorded_motion_parts(case))
-    names = [source.name for source in run_sources(case, COLUMNS)]
+    names = [source.name for source in run_sources(case, COLUMNS, ROWS)]
     assert names == ["pressure", "duration", "grid", "geometry and material"]
-    assert [s.name for s in run_sources(moved, COLUMNS)] == ["grid"]
-    assert explained_by_motion(case, COLUMNS) is None
+    assert [s.name for s in run_sources(moved, COLUMNS, ROWS)] == ["grid"]
+    assert explained_by_motion(case, COLUMNS, ROWS) is None
     # S − D: the recording's flow is stronger by 2.5 runs of pressure and one of duration less
-    assert explained_by_motion(moved, COLUMNS)[0] == pytest.approx(-(2.5 * 3e-5 + 10e-5), rel=0.02)
-    std = {s.name: s.std[0] for s in motion_sources(moved, COLUMNS)}
+    assert explained_by_motion(moved, COLUMNS, ROWS)[0] == pytest.approx(
+        -(2.5 * 3e-5 + 10e-5), rel=0.02
+    )
+    std = {s.name: s.std[0] for s in motion_sources(moved, COLUMNS, ROWS)}
     assert std["duration as recorded"] == pytest.approx(0.04 * 10e-5)
     # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
     line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
     expected = 10e-5 * (1 / 0.9 - line) / (1 - 1 / 1.1)
     assert std["duration, linear"] == pytest.approx(expected, rel=0.15)
-
-
-@pytest.mark.parametrize(
-    "growth, gain, spread",
-    [(1.0, 1.0, 0.0), (2.0, 1.5, 0.192), (9.0, 1.0, 0.577), (-1.0, 1.0, 0.577)],
-)
-def test_what_piv_makes_of_the_motions_part_lies_between_it_and_the_growth(growth, gain, spread):
-    """Half-way, with the standard deviation (growth − 1)/√12; beyond 3 as at 3."""
-    times = np.linspace(0.1, 0.2, 6)
-    direct = pd.DataFrame({"time": times, "circulation": -5e-3 - 0.05 * times})
-    measured = direct.assign(circulation=-2e-3 - growth * 0.05 * times)
-    found = gain_of_growth(measured, direct, np.ones(6, bool))
-    assert found == pytest.approx((gain, spread), abs=1e-3)
 
 
 @pytest.mark.parametrize("without", ["pressure", "duration", "silhouette"])

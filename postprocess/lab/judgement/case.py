@@ -1,4 +1,4 @@
-"""Data of an uncertainty budget: both sides, their motions, and the effects of the other runs."""
+"""What a comparison is judged from: both sides, their motions, and the effects of other runs."""
 
 from __future__ import annotations
 
@@ -14,41 +14,36 @@ from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
 
 
-def stacked(plane: xr.Dataset, kind: str = "") -> np.ndarray:
-    """u and v (or their `kind`, as _std) of a plane series, (time, 2, y, x)."""
-    return np.stack([plane["u" + kind].values, plane["v" + kind].values], axis=1)
-
-
 @dataclass(frozen=True)
 class Effect:
     """What one run beside the nominal one changes.
 
-    `change`: of the means of `measures` over the window, with its standard uncertainty `scatter`
-    from instant to instant; `field` (time, 2, y, x): of the velocity at all instants; `bend` (rad)
-    and `duration` (s): of the motion. `per_std`: the part of it that is one standard uncertainty.
+    `table`: change of the measures at each instant; `bend` (rad) and `duration` (s): of the motion.
+    `per_std`: the part of it that is one standard uncertainty.
     """
 
     name: str
     kind: str
     how: str
     per_std: float
-    change: pd.Series
-    scatter: pd.Series
-    field: np.ndarray
+    table: pd.DataFrame
     bend: float
     duration: float
 
-    def moves(self, columns: tuple[str, ...]) -> np.ndarray:
-        """Its change of the quantity in `columns` of `measures`, (component,)."""
-        return self.change[list(columns)].to_numpy(float)
+    def moves(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
+        """Mean change of `columns` over the instants `rows`, (component,)."""
+        return self.table.loc[rows, list(columns)].mean().to_numpy(float)
 
-    def std(self, columns: tuple[str, ...]) -> np.ndarray:
-        """Standard uncertainty of that quantity, (component,).
+    def std(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
+        """Standard uncertainty of the mean of `columns` over the instants `rows`, (component,).
 
-        The scatter adds to the difference: a difference that is small by chance is no small error.
+        Of finer numerics the scatter adds: a difference that is small by chance is no small error.
         """
-        scatter = self.scatter[list(columns)].to_numpy(float)
-        return np.hypot(self.per_std * np.hypot(self.moves(columns), scatter), scatter)
+        moves, chosen = self.moves(columns, rows), self.table.loc[rows, list(columns)]
+        if self.kind == "input":
+            return self.per_std * np.abs(moves)
+        scatter = chosen.std().to_numpy(float) / np.sqrt(chosen.count().to_numpy(float))
+        return np.hypot(self.per_std * np.hypot(moves, scatter), scatter)
 
 
 @dataclass(frozen=True)
@@ -67,16 +62,15 @@ class MotionPart:
 
 @dataclass(frozen=True)
 class Case:
-    """Series of the sides, the window (s), motions and the effects of the runs."""
+    """Series of the sides, motions and the effects of the runs; `virtual`: simulation by PIV."""
 
     kinematics: Kinematics
     registration: Registration
     data: xr.Dataset
     virtual: xr.Dataset | None
     direct: xr.Dataset
-    window: tuple[float, float]
     vortices: VortexSettings
-    window_m: float
+    window_m: float  # interrogation window
     geometry: bool  # whether the FEA's bands count
     bend_std: float  # rad, of the FEA at the end of the stroke
     fresh_pairs: bool  # whether every pair of the virtual experiment has particles of its own
@@ -92,11 +86,6 @@ class Case:
             return np.ones(self.data["valid"].shape, bool)
         sides = [side for side in (self.data, self.virtual, self.direct) if side is not None]
         return np.asarray(np.logical_and.reduce([usable(side).values for side in sides]))
-
-    @property
-    def simulation(self) -> xr.Dataset:
-        """The simulation as PIV sees it; itself where there is no virtual experiment."""
-        return self.direct if self.virtual is None else self.virtual
 
     @property
     def finer(self) -> list[Effect]:
