@@ -48,19 +48,9 @@ scale_mm_per_px = 0.25
 centre = [0.03, 0.2]
 [levels.coarse]
 """
-FIT = (
-    "time",
-    "track",
-    "x",
-    "y",
-    "circulation",
-    "core_radius",
-    "peak_swirl_velocity",
-    "x_std",
-    "y_std",
-)
-STD = ("circulation_std", "core_radius_std", "circulation_area", "circulation_contour")
-FILE_COLUMNS = [*FIT, *STD, "finger", "side", "tip_distance", "along_tip", "across_tip"]
+FILE_COLUMNS = ["time", "track", "bridged", "x", "y", "circulation", "radius", "peak_vorticity"]
+FILE_COLUMNS += ["x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std"]
+FILE_COLUMNS += ["finger", "side", "tip_distance", "along_tip", "across_tip"]
 
 
 def bend_law(
@@ -176,10 +166,10 @@ def vortex_table(
         across = float(arm @ finger["dorsal_direction"][i, 0])
         core, std = true["core_radius"][i], abs(strength) * (0.02 if noise else 0.0)
         side = "dorsal" if across > 0 else "ventral"
-        swirl = 0.638 * abs(strength) / (2 * np.pi * core)  # peak of a Lamb–Oseen vortex
-        fit = [t, 3, *centre, strength, core, swirl, 2e-4, 2e-4, std, 2e-4, strength, strength]
-        rows.append([*fit, 0, side, np.hypot(*arm) / THICKNESS, along, across])
-        weak = [t, 1, -0.03, 0.15, 3e-4, 0.005, 0.006, 1e-3, 1e-3, 1e-4, 1e-3, 3e-4, 3e-4]
+        peak = strength / (np.pi * core**2)
+        strong = [t, 3, 0, *centre, strength, core, peak, 2e-4, 2e-4, std, 2e-4, 1e-2 * abs(peak)]
+        rows.append([*strong, 0, side, np.hypot(*arm) / THICKNESS, along, across])
+        weak = [t, 1, 0, -0.03, 0.15, 3e-4, 0.005, 4.0, 1e-3, 1e-3, 1e-4, 1e-3, 0.1]
         rows.append([*weak, 0, "", 4.0, 0.02, 0.06])
     return pd.DataFrame(rows, columns=FILE_COLUMNS)
 

@@ -15,15 +15,15 @@ from fileio.json_text import parse_json
 from fileio.provenance import check_version
 from fileio.record import check_whole
 
-FORMAT, VERSION = "vortices", 1
+FORMAT, VERSION = "vortices", 2
 REMEDY = "find the vortices again"
 COLUMNS = [
-    "time", "track", "x", "y", "circulation", "core_radius", "peak_swirl_velocity", "x_std",
-    "y_std", "circulation_std", "core_radius_std", "circulation_area", "circulation_contour",
-    "finger", "side", "tip_distance", "along_tip", "across_tip", "peak_swirl_velocity_std",
-    "contour_radius", "drift_u", "drift_v", "shear", "explained", "n_vectors", "lifetime",
+    "time", "track", "bridged", "lifetime", "x", "y", "circulation", "radius", "peak_vorticity",
+    "x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std", "finger", "side",
+    "tip_distance", "along_tip", "across_tip", "x_fit", "y_fit", "circulation_fit", "core_radius",
+    "x_fit_std", "y_fit_std", "circulation_fit_std", "core_radius_std", "explained",
 ]  # fmt: skip
-NEEDED = ("time", "x", "y", "circulation", "core_radius")
+NEEDED = ("time", "x", "y", "circulation", "radius")
 
 
 def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> None:

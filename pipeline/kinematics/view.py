@@ -15,7 +15,6 @@ from pipeline.scene.scene import Scene
 _SHAPES = 61  # over the motion's pressures: the tip moves by a few degrees between two
 _ROOM = 0.45  # of the finger's length, around root and path, for the vortices that the tip sheds
 _SPACING_PX = 4  # of the grid that the flow is sampled on
-_STENCIL = 1.5  # least radius of the vortices' fit, in distances of two vectors
 _LEAST_CIRCULATION = 0.01  # of peak tip speed times length: the shipped scenes' share
 
 
@@ -38,7 +37,7 @@ def following(scene: Scene) -> dict[str, Any]:
     """Values by dotted key of what the scene leaves to follow from the motion. StageError."""
     tip, speed = tip_path(scene)
     length = scene.finger.length + scene.finger.tip.length
-    camera, piv = scene.camera, scene.piv
+    camera = scene.camera
     points = np.vstack([tip, scene.finger.root])
     if scene.pinch is not None:
         points = np.vstack([points, points * [-1, 1]])
@@ -46,7 +45,6 @@ def following(scene: Scene) -> dict[str, Any]:
     scale = camera.scale_mm_per_px
     if "scale_mm_per_px" not in camera.model_fields_set:
         scale = _rounded_up(1e3 * float(np.max((high - low) / [camera.columns, camera.rows])))
-    radius = max(0.003, _STENCIL * piv.spacing * scale * 1e-3)
     values: dict[str, dict[str, Any]] = {
         "camera": {
             "centre": [round(float(x), 4) for x in 0.5 * (low + high)],
@@ -55,7 +53,6 @@ def following(scene: Scene) -> dict[str, Any]:
         "sheet": {"spacing": round(_SPACING_PX * scale * 1e-3, 7)},
         "vortices": {
             "min_circulation": _rounded_up(_LEAST_CIRCULATION * speed * length),
-            "stencil_radius": round(radius, 5),
         },
     }
     return {

@@ -91,12 +91,12 @@ STAGES = (
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-        group="vortices", piv=True, threads=True,
+        version=2, group="vortices", piv=True, threads=True,
     ),
     Stage(
         "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
         ("piv",), ("vortices_piv.csv",), {"vortices": True},
-        group="vortices", piv=True, threads=True,
+        version=2, group="vortices", piv=True, threads=True,
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",

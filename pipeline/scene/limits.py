@@ -219,13 +219,13 @@ def _check_pictures(scene: Any) -> None:
     bright = f"as bright as camera.bits = {camera.bits} can show"
     noisy = f"too much of the {levels} levels to see particles"
     sparse = "too much to put eight vectors into the picture"
-    radius, quarter = scene.vortices.stencil_radius, min(wide, high) / 4
+    scale, quarter = scene.vortices.scale or 0.0, min(wide, high) / 4
     for key, value, most, unit, why in (
         ("camera.background", camera.background, 0.9 * levels, "", bright),
         ("camera.read_noise", camera.read_noise, 0.1 * levels, "", noisy),
         ("piv.window", piv.window, side / 2, " px", "more than half the picture"),
         ("piv.spacing", piv.spacing, side / 8, " px", sparse),
-        ("vortices.stencil_radius", radius, quarter, " m", "over a quarter of the picture"),
+        ("vortices.scale", scale, quarter, " m", "over a quarter of the picture"),
     ):
         _within(key, value, 0, most, unit, why)
     if camera.electrons_per_level > 0:

@@ -101,8 +101,8 @@ class Vortices(Section):
 
     min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
     """Least size that counts; 1 % of tip speed × length where camera.centre is absent [m²/s]"""
-    stencil_radius: Positive = 0.003
-    """Of the fit of velocity gradients [m]"""
+    scale: Positive | None = None
+    """Smoothing length at which they are sought; absent: an eighth of the tip's width [m]"""
     weights: Literal["equal", "uncertainty"] = "equal"
     """Of the vectors in that fit"""
 

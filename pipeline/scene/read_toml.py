@@ -20,7 +20,7 @@ _HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pr
 _FOLLOWING = {
     "camera": ("centre", "scale_mm_per_px"),
     "sheet": ("spacing",),
-    "vortices": ("min_circulation", "stencil_radius"),
+    "vortices": ("min_circulation",),
 }
 _MOVING = {"tank", "finger", "motion", "actuator", "pinch"}
 OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they replace a parent's

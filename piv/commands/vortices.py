@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fileio.formats.vortex_table import write_vortices
 from piv.commands.settings import add_fields, add_paths, build, existing, run_with
 from piv.foreign.read import open_vectors
@@ -54,8 +56,10 @@ def make(
         unit = "px²/frame" if length == "px" else f"{length}²/s"
         text += (
             f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
-            f"and a core radius of {strongest['core_radius']:.3g} {length}"
+            f"within a radius of {strongest['radius']:.3g} {length}"
         )
+        if np.isfinite(strongest["circulation_fit"]):
+            text += f", by a Lamb-Oseen fit {strongest['circulation_fit']:.3g} {unit} in all"
     print(text)
 
 

@@ -179,9 +179,8 @@ def _mark(axes: plt.Axes, vortices: pd.DataFrame, factor: float) -> None:
         centre = row.x * factor, row.y * factor
         marker, line = ("o", "-") if row.circulation > 0 else ("s", "--")
         axes.plot(*centre, marker, mfc="none", mec="k", mew=1.2, ms=6, zorder=4)
-        if np.isfinite(row.core_radius):
-            core = {"radius": row.core_radius * factor, "color": "k", "lw": 1.0, "ls": line}
-            axes.add_patch(plt.Circle(centre, **core, fill=False, zorder=4))
+        circle = {"radius": row.radius * factor, "color": "k", "lw": 1.0, "ls": line}
+        axes.add_patch(plt.Circle(centre, **circle, fill=False, zorder=4))
 
 
 def vortices_at(table: pd.DataFrame | None, time: float | None) -> pd.DataFrame | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from functools import partial
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from piv.compiled import compiled
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
-from piv.vortices.regions import Plane, seen_share
+from piv.vortices.regions import Plane
 from piv.vortices.settings import VortexSettings
 
 
@@ -24,7 +24,6 @@ class Fitted(NamedTuple):
     """
 
     fit: Fit
-    n_vectors: int
     area: float
     misfit: float
     seen: float
@@ -46,29 +45,27 @@ POINTS_PER_CORE = 8
 SWEEPS = 3
 
 
-def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[Fitted]:
-    """Fits of the vortices among `regions` (n, 4: x, y, circulation, core radius).
+def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[tuple[float, ...] | None]:
+    """The fit to each of the `regions` (n, 4: x, y, circulation, core radius), None where bad.
 
-    Which vortices there may be the vectors alone decide: with its region's help every layer on a
-    wall would pass for one. Those that a body half hides are then fitted once more, with it, and
-    must still be vortices.
+    Of each x, y, circulation, core radius, their standard errors, and the explained part. A bad one
+    is left out and the others are fitted anew.
     """
-    start, alone = (
-        np.hstack([regions, regions, np.zeros((len(regions), 1))]),
-        replace(s, region_prior=np.inf),
-    )
-    fits = _significant(_fit_all(p, start, alone, SWEEPS), s)
-    # a weak vortex may not shape the fit of a strong one: left out, the others are fitted anew from
-    # where they are
+    start = np.hstack([regions, regions, np.zeros((len(regions), 1))])
+    fits = _significant(_fit_all(p, start, s, SWEEPS), s)
     at_once = len(fits) == len(start)
     while len(fits) < len(start):
         start = _parameters(fits)
-        fits = _significant(_fit_all(p, start, alone, 1), s)
+        fits = _significant(_fit_all(p, start, s, 1), s)
     if not at_once:
-        fits = _significant(_fit_all(p, _parameters(fits), alone, SWEEPS), s)
-    if np.isinf(s.region_prior) or all(f.seen >= UNHIDDEN for f in fits):
-        return fits
-    return _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
+        fits = _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
+    of = {tuple(f.region): f.fit for f in fits}
+    return [_numbers(of[tuple(r)]) if tuple(r) in of else None for r in regions]
+
+
+def _numbers(fit: Fit) -> tuple[float, ...]:
+    std = np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0.0))
+    return (*fit.vortices[0].tolist(), *std.tolist(), float(fit.explained))
 
 
 def _parameters(fits: list[Fitted]) -> ndarray:
@@ -77,14 +74,11 @@ def _parameters(fits: list[Fitted]) -> ndarray:
 
 
 def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
-    """The fits that are strong enough to be reported."""
-    strongest = max((abs(f.fit.vortices[0, 2]) for f in fits), default=0.0)
-    least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
+    """The fits that explain the vectors and tell the circulation."""
     return [
         f
         for f in fits
-        if abs(f.fit.vortices[0, 2])
-        >= max(least, s.significance * np.sqrt(max(f.fit.covariance[2, 2], 0.0)))
+        if abs(f.fit.vortices[0, 2]) >= s.significance * np.sqrt(max(f.fit.covariance[2, 2], 0.0))
         and f.fit.explained >= s.min_explained
     ]
 
@@ -129,10 +123,11 @@ def _fit_one(
     best = _fit_disc(p, now, start, area, s, s.fit_radius, k)
     if best is None:
         return None
-    if not p.noise_known and best.fit.explained < NOISE_ONLY:
+    known = p.noise is not None and s.weights == "uncertainty"
+    if not known and best.fit.explained < NOISE_ONLY:
         return best
     # where the vectors' noise is not known, what the smallest disc leaves is taken for it
-    noise = 1.0 if p.noise_known else best.misfit
+    noise = 1.0 if known else best.misfit
     for factor in wider:
         wide_fit = _fit_disc(p, now, start, area, s, factor * s.fit_radius, k)
         if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < UNHIDDEN:
@@ -152,7 +147,8 @@ def _fit_disc(
     # a grid much finer than the core is thinned: its vectors add no information, only time
     skip = [max(1, int(a / (POINTS_PER_CORE * (c[1] - c[0])))) for c in (p.y, p.x)]
     box = np.s_[j0 : j1 : skip[0], i0 : i1 : skip[1]]
-    distance = np.hypot(p.xx[box] - x0, p.yy[box] - y0)
+    xx, yy = np.meshgrid(p.x[box[1]], p.y[box[0]])
+    distance = np.hypot(xx - x0, yy - y0)
     use = p.valid[box] & (distance <= reach)
     if np.count_nonzero(use) < 12:
         return None
@@ -165,30 +161,25 @@ def _fit_disc(
     strong &= ~(apart & (now[:, 2] * now[k, 2] < 0) & (near < reach))
     strong[k] = False
     along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
-    x, y, u, v = (q[box][use] for q in (p.xx, p.yy, p.u, p.v))
+    x, y, u, v = (q[use] for q in (xx, yy, p.u[box], p.v[box]))
     strong[along] = False  # the others are taken off as they are
     du, dv = velocities(x, y, now[strong])
     vectors = VelocitySamples(
         x, y, u - du, v - dv, p.weight_u[box][use] * taper, p.weight_v[box][use] * taper
     )
-    seen = seen_share(p.x, p.y, p.valid, x0, y0, reach)
-    # a disc half hidden hardly tells core radius and circulation apart: the less it shows, the more
-    # the region is asked
-    core_std = s.region_prior * np.sqrt(seen / (1 - seen)) if seen < UNHIDDEN else np.inf
+    seen = _seen_share(p.x, p.y, p.valid, x0, y0, reach)
     step = [skip[0] * (p.y[1] - p.y[0]), skip[1] * (p.x[1] - p.x[0])]
     fit = fit_vortices(
         vectors,
         now[[k, *along]],
         strain_prior=s.strain_prior,
         rotation_prior=s.rotation_prior,
-        core=(float(start[k, 7]), core_std),
         correlated=max(1.0, float(area[k]) / (step[0] * step[1])),
     )
     factor = _correlation_factor(step, fit, use, s.correlation_length)
     square = p.weight_u[box][use] * fit.residual_u**2 + p.weight_v[box][use] * fit.residual_v**2
     return Fitted(
         fit._replace(covariance=fit.covariance * factor),
-        int(np.count_nonzero(use)),
         factor * step[0] * step[1],
         float(square.mean()) / 2,
         seen,
@@ -268,3 +259,19 @@ def _distinct(fits: list[Fit]) -> list[int]:
         if np.all(away >= np.where(others[:, 2] * circulation > 0, 0.5, 1.0)):
             kept.append(int(k))
     return sorted(kept)
+
+
+@compiled
+def _seen_share(x, y, valid, cx, cy, radius):
+    """Part of the disc's grid points with a vector; points beyond the border are absent."""
+    dx, dy = x[1] - x[0], y[1] - y[0]
+    seen = disc = 0
+    for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
+        for i in range(
+            math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1
+        ):
+            if math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
+                disc += 1
+                if 0 <= i < x.size and 0 <= j < y.size and valid[j, i]:
+                    seen += 1
+    return seen / max(1, disc)

@@ -212,7 +212,6 @@ def fit_vortices(
     *,
     strain_prior: float = np.inf,
     rotation_prior: float = np.inf,
-    core: tuple[float, float] = (1.0, np.inf),
     correlated: float = 1.0,
 ) -> Fit:
     """Fit the vortices `start` (n, 4) jointly with drift and a linear gradient.
@@ -220,8 +219,7 @@ def fit_vortices(
     Levenberg-Marquardt with the analytic Jacobian. `strain_prior`, `rotation_prior`: standard
     deviations of the background's gradient and of its vorticity expected beforehand, as parts of
     the first vortex' peak vorticity; they only matter where the vectors do not tell background from
-    vortex (one half hidden by a body, or not quite Lamb-Oseen). `core`: the first vortex' core
-    radius expected beforehand and its relative standard deviation. `correlated`: number of vectors
+    vortex (one half hidden by a body, or not quite Lamb-Oseen). `correlated`: number of vectors
     per independent one, which puts the vectors' information in proportion to the prior's whatever
     the grid. A centre moves at most a core radius per iteration; a core radius stays within a
     factor e of its start. The covariance is scaled with the residuals' weighted variance and does
@@ -236,7 +234,7 @@ def fit_vortices(
     slopes = 4 * n + np.array([1, 2, 4, 5])
     dof = max(1, np.count_nonzero(d.weight_u) + np.count_nonzero(d.weight_v) - p.size)
     scale = abs(start[0, 2]) / (np.pi * start[0, 3] ** 2)
-    unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale, core)
+    unit, mean = _prior(start, p, slopes, strain_prior * scale, rotation_prior * scale)
     ox, oy = p[:2]
     p, squares, jtj, prior = _levenberg_marquardt(p, n, d, unit, mean, float(correlated), dof)
     spread = sum(
@@ -267,11 +265,9 @@ def _prior(
     slopes: ndarray,
     strain: float,
     rotation: float,
-    core: tuple[float, float],
 ) -> tuple[ndarray, ndarray]:
-    """Inverse covariance and mean of the prior of background, core radius and neighbours."""
+    """Inverse covariance and mean of the prior of background and neighbours."""
     unit, mean = np.zeros((p.size, p.size)), np.zeros(p.size)
-    unit[3, 3], mean[3] = 1 / core[1] ** 2, np.log(core[0])
     unit[slopes, slopes] = 1 / strain**2
     unit[np.ix_(slopes[1:3], slopes[1:3])] += np.array([[1, -1], [-1, 1]]) / rotation**2
     for k in range(1, len(start)):

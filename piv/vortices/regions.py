@@ -1,32 +1,40 @@
-"""Candidate vortices: connected regions where Gamma2 and the swirling strength agree."""
+"""Vortices as regions of a plane: where it rotates more than it strains, at a stated scale."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy import ndarray
 from scipy import ndimage
 
-from piv.compiled import compiled
-from piv.vortices.criteria import Gradients, q_criterion, swirling_strength, vorticity
-from piv.vortices.gamma2 import gamma2
+from piv.vortices.criteria import q_criterion, vorticity
 from piv.vortices.settings import VortexSettings
+from piv.vortices.smooth import REACH, Smoother
 
-# Of a Lamb-Oseen vortex, |Gamma2| > 2/pi, swirling strength > 0 and Q > 0 all bound r < 1.12 core
-# radii, which holds 71.5 % of its circulation.
-REGION_RADIUS = 1.12
+# Of a Lamb-Oseen vortex Q > 0 bounds r < 1.12 core radii, which holds 71.5 % of its circulation.
+REGION_RADIUS = 1.1209
 REGION_PART = 0.715
-LEAST_SEEN = 0.3  # share of a disc below which it is not made up for what is hidden
-# the share changes slowly with the radius: each step leaves about a third of the error
-RADIUS_STEPS = 8
+# radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
+SMALLEST = 0.75
+FLAT = 0.7  # of the largest vorticity: a region whose edge has more is part of a background
+HIGHEST = 0.5  # level above which a region is parted no more
+WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
+REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
+# standard deviations of the measures on a grid, times the square of the radius in steps; of x and y
+# in radii (measured on Lamb-Oseen vortices of 4 to 15 steps with neighbours, docs/vortices.md)
+OF_GRID = (0.035, 0.035, 0.17, 0.08, 0.2)
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
+_SQUARE = np.ones((3, 3), np.uint8)
 
 
 class Plane(NamedTuple):
     """Vectors on their grid: axes, components (NaN where absent), validity, fit weights.
 
-    `noise_known`: weights are inverse variances.
+    `lost`: rejected, but in the water. `noise`: standard uncertainties of u and v, None where not
+    known. `correlated`: distance over which their errors are alike.
     """
 
     x: ndarray
@@ -34,91 +42,214 @@ class Plane(NamedTuple):
     u: ndarray
     v: ndarray
     valid: ndarray
+    lost: ndarray
+    noise: tuple[ndarray, ndarray] | None
+    correlated: float
     weight_u: ndarray
     weight_v: ndarray
-    xx: ndarray
-    yy: ndarray
-    noise_known: bool
+
+    @property
+    def step(self) -> tuple[float, float]:
+        """Grid steps in x and y."""
+        return float(self.x[1] - self.x[0]), float(self.y[1] - self.y[0])
 
 
-class _Candidate(NamedTuple):
-    """A first guess: centre, circulation and core radius.
-
-    What bodies and border hide round the centre is left out of the circulation and made up for in
-    the core radius.
-    """
+class Measures(NamedTuple):
+    """What is measured of a region: centroid and integral of its vorticity, size and peak."""
 
     x: float
     y: float
     circulation: float
-    core_radius: float
+    radius: float
+    peak_vorticity: float
 
 
-def find_candidates(p: Plane, g: Gradients, s: VortexSettings) -> list[_Candidate]:
-    """Candidates on a regular grid, strongest first.
+class Region(NamedTuple):
+    """A vortex, its `measures` and their standard uncertainties."""
 
-    A region is connected points of one sense with |Gamma2| >= `s.gamma2`, swirling strength > 0 and
-    Q > 0. Its centre is the mean position weighted with (|Gamma2| - s.gamma2) times the swirling
-    strength. Regions of less than `s.min_points` points or longer than `s.max_elongation` times
-    their width (shear layers) are left out.
+    measures: Measures
+    std: Measures
+
+
+class _Criteria(NamedTuple):
+    """Smoothed vorticity and Q of a part of the plane, 0 where unknown, and where known."""
+
+    omega: ndarray
+    q: ndarray
+    known: ndarray
+
+
+def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
+    """Vortices of a plane, strongest first, at a smoothing length `scale`.
+
+    A region is connected points of one sense with Q > 0 and at least `s.least_part` of its largest
+    vorticity. Left out is what is smaller than `scale`, longer than `s.max_elongation` times its
+    width, has its centroid outside, turns less than `s.min_rotation` (layers on walls), or does not
+    stand out of a background, and what does not exceed `s.significance` standard uncertainties.
     """
-    x, y = p.x, p.y
-    dx, dy = float(x[1] - x[0]), float(y[1] - y[0])
-    size = gamma2(p.u, p.v, p.valid, dx, dy, s.stencil_radius or 2 * max(dx, dy))
-    swirl, omega = swirling_strength(g), vorticity(g)
-    inside = q_criterion(g) > 0
-    candidates = []
+    whole = _criteria(p, scale, np.s_[:, :])
+    found = []
     for sense in (1.0, -1.0):
-        region = (
-            (np.nan_to_num(sense * size) >= s.gamma2) & (np.nan_to_num(sense * swirl) > 0) & inside
-        )
-        labels, _ = ndimage.label(region, np.ones((3, 3)))
-        for k, box in enumerate(ndimage.find_objects(labels), start=1):
-            j, i = np.nonzero(labels[box] == k)
-            if j.size < s.min_points:
-                continue
-            j, i = j + box[0].start, i + box[1].start
-            weight = (sense * size[j, i] - s.gamma2 + 1e-3) * np.abs(swirl[j, i])
-            if _elongation(x[i], y[j], dx, dy) > s.max_elongation:
-                continue
-            cx, cy = (float(np.average(q, weights=weight)) for q in (x[i], y[j]))
-            radius = _whole_radius(x, y, p.valid, cx, cy, j.size)
-            circulation = float(omega[j, i].sum() * dx * dy / REGION_PART)
-            candidates.append(_Candidate(cx, cy, circulation, radius / REGION_RADIUS))
-    return sorted(candidates, key=lambda c: -abs(c.circulation))
+        turning = _Criteria(sense * whole.omega, whole.q, whole.known)
+        rotating = (turning.q > 0) & (turning.omega > 0)
+        for mask, box, level in _vortices(turning, rotating, s.least_part, p, scale, s):
+            part = _Criteria(*(q[box] for q in turning))
+            found.append((_measures(part, mask, level, p, box, sense), mask, box, level))
+    found.sort(key=lambda f: -abs(f[0].circulation))
+    strongest = abs(found[0][0].circulation) if found else 0.0
+    least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
+    regions = [
+        Region(m, _uncertainty(p, scale, m, mask, box, level))
+        for m, mask, box, level in found
+        if abs(m.circulation) >= least
+    ]
+    return [r for r in regions if abs(r.measures.circulation) >= s.significance * r.std.circulation]
 
 
-def _whole_radius(
-    x: ndarray, y: ndarray, valid: ndarray, cx: float, cy: float, points: int
-) -> float:
-    """Radius of the disc round (cx, cy) with as many visible points as the region."""
-    cell = float((x[1] - x[0]) * (y[1] - y[0]))
-    radius = float(np.sqrt(points * cell / np.pi))
-    seen = radius
-    for _ in range(RADIUS_STEPS):
-        share = min(1.0, max(LEAST_SEEN, seen_share(x, y, valid, cx, cy, seen)))
-        seen = radius / float(np.sqrt(share))
-    return seen
+def _vortices(
+    c: _Criteria, within: ndarray, level: float, p: Plane, scale: float, s: VortexSettings
+) -> Iterator[tuple[ndarray, tuple[slice, ...], float]]:
+    """Regions that are vortices: mask within a box, the box, and the level that bounds it.
+
+    The level is the least vorticity as a part of the region's largest. One that is no vortex may be
+    some that a layer joins: it is parted at twice the level.
+    """
+    labels, count = ndimage.label(within)
+    if not count:
+        return
+    peaks = ndimage.maximum(c.omega, labels, np.arange(count + 1))
+    labels, count = ndimage.label((labels > 0) & (c.omega >= level * peaks[labels]))
+    least = np.pi * (SMALLEST * scale) ** 2 / (p.step[0] * p.step[1])
+    sizes = np.bincount(labels.ravel())
+    for k, box in enumerate(ndimage.find_objects(labels), start=1):
+        if sizes[k] < least:
+            continue
+        box = _wider(box, 1, labels.shape)
+        mask, part = labels[box] == k, _Criteria(*(q[box] for q in c))
+        if _rotates(part, mask, p.step, s):
+            yield mask, box, level
+        elif level < HIGHEST:
+            for inner, at, higher in _vortices(part, mask, 2 * level, p, scale, s):
+                moved = (
+                    slice(b.start + a.start, b.start + a.stop) for a, b in zip(at, box, strict=True)
+                )
+                yield inner, tuple(moved), higher
 
 
-@compiled
-def seen_share(x, y, valid, cx, cy, radius):
-    """Part of the disc's grid points with a vector; points beyond the border are absent."""
-    dx, dy = x[1] - x[0], y[1] - y[0]
-    seen = disc = 0
-    for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
-        for i in range(
-            math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1
-        ):
-            if math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
-                disc += 1
-                if 0 <= i < x.size and 0 <= j < y.size and valid[j, i]:
-                    seen += 1
-    return seen / max(1, disc)
+def _wider(box: tuple[slice, ...], by: int, shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """The box with so many more rows and columns on each side, within the plane."""
+    return tuple(
+        slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in zip(box, shape, strict=True)
+    )
 
 
-def _elongation(x: ndarray, y: ndarray, dx: float, dy: float) -> float:
-    """Ratio of the region's principal standard deviations, with points as cells."""
-    cov = np.cov(np.array([x, y]), bias=True) + np.diag([dx * dx, dy * dy]) / 12
-    small, large = np.linalg.eigvalsh(cov)
-    return float(np.sqrt(large / small))
+def _criteria(p: Plane, scale: float, box, noise: tuple[ndarray, ndarray] | None = None):
+    """Smoothed vorticity and Q within a box; with `noise` (y, x, n) added to the vectors."""
+    u, v, valid = p.u[box], p.v[box], p.valid[box]
+    if noise is not None:
+        u, v = (q[..., None] + e for q, e in zip((u, v), noise, strict=True))
+    smoother = Smoother(valid, p.lost[box], *p.step, scale)
+    g = smoother.gradients(u, v)
+    return _Criteria(np.nan_to_num(vorticity(g)), np.nan_to_num(q_criterion(g)), smoother.ok)
+
+
+def _rotates(c: _Criteria, mask: ndarray, step: tuple[float, float], s: VortexSettings) -> bool:
+    """Whether a region is a vortex and no layer: see `find_regions`."""
+    j, i = np.nonzero(mask)
+    weight, q = c.omega[mask], c.q[mask]
+    if (4 * q / weight).sum() < s.min_rotation * weight.sum():
+        return False
+    edge = (cv2.dilate(mask.astype(np.uint8), _CROSS) > 0) & ~mask & c.known
+    if c.omega[edge].sum() > FLAT * weight.max() * np.count_nonzero(edge):
+        return False
+    row, column = (round(float(np.average(k, weights=weight))) for k in (j, i))
+    if not ndimage.binary_fill_holes(mask)[row, column]:
+        return False
+    spread = np.cov(np.array([i * step[0], j * step[1]]), aweights=weight, bias=True)
+    small, large = np.linalg.eigvalsh(spread + np.diag(step) ** 2 / 12)
+    return bool(large <= s.max_elongation**2 * small)
+
+
+def _measures(
+    c: _Criteria, mask: ndarray, level: float, p: Plane, box: tuple[slice, ...], sense: float
+) -> Measures:
+    """Integrals over a region; a cell on its edge counts by the part that lies within."""
+    peak = float(c.omega[mask].max())
+    near = cv2.dilate(mask.astype(np.uint8), _SQUARE) > 0
+    within = np.minimum(_depth(c.q), _depth(c.omega - level * peak))
+    cover = np.clip(0.5 + within, 0.0, 1.0) * (near & c.known)
+    amount = cover * np.maximum(c.omega, 0.0)
+    total, cell = float(amount.sum()), p.step[0] * p.step[1]
+    x, y = p.x[box[1]], p.y[box[0]]
+    return Measures(
+        float(amount.sum(axis=0) @ x / total),
+        float(amount.sum(axis=1) @ y / total),
+        sense * total * cell,
+        float(np.sqrt(cover.sum() * cell / np.pi)),
+        sense * _peak(c.omega, mask),
+    )
+
+
+def _depth(f: ndarray) -> ndarray:
+    """Distance to the line f = 0 in cells, positive where f is."""
+    down, across = np.gradient(f)
+    return f / np.maximum(np.hypot(down, across), 1e-12 * np.abs(f).max() + 1e-300)
+
+
+def _peak(omega: ndarray, mask: ndarray) -> float:
+    """Largest vorticity of a region, between grid points by a parabola in x and y."""
+    j, i = np.unravel_index(np.argmax(np.where(mask, omega, -np.inf)), omega.shape)
+    value = float(omega[j, i])
+    for line, k in ((omega[:, i], j), (omega[j], i)):
+        if 0 < k < line.size - 1:
+            slope, bend = (line[k + 1] - line[k - 1]) / 2, line[k + 1] - 2 * line[k] + line[k - 1]
+            if bend < 0 and abs(slope) <= -bend:
+                value -= float(slope**2 / (2 * bend))
+    return value
+
+
+def _uncertainty(
+    p: Plane, scale: float, m: Measures, mask: ndarray, box: tuple[slice, ...], level: float
+) -> Measures:
+    """Standard uncertainties of a region's measures: of the grid, and of the vectors' errors.
+
+    The second by replicas of the errors, alike over the width of a window; 0 where the plane does
+    not tell the vectors' uncertainty.
+    """
+    step = max(p.step)
+    cells = m.radius / step
+    sizes = step * cells, step * cells, abs(m.circulation), m.radius, abs(m.peak_vorticity)
+    grid = np.array(OF_GRID) * sizes / cells**2
+    if p.noise is None:
+        return Measures(*grid.tolist())
+    reach = 2 + int(np.ceil(REACH * scale / min(p.step)))
+    wide = _wider(box, reach, p.valid.shape)
+    at = tuple(slice(b.start - w.start, b.stop - w.start) for b, w in zip(box, wide, strict=True))
+    rng = np.random.default_rng(1)
+    errors = [
+        np.where(p.valid[wide], std[wide], 0.0)[..., None] * _alike(rng, p, std[wide].shape)
+        for std in p.noise
+    ]
+    replicas = _criteria(p, scale, wide, (errors[0], errors[1]))
+    sense = np.sign(m.circulation)
+    values = []
+    for k in range(REPLICAS):
+        part = _Criteria(sense * replicas.omega[(*at, k)], replicas.q[(*at, k)], replicas.known[at])
+        least = level * max(float(part.omega[mask].max()), 0.0)
+        labels, _ = ndimage.label((part.q > 0) & (part.omega > least))
+        most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
+        if (labels == most).any():
+            values.append(_measures(part, labels == most, level, p, box, sense))
+    if len(values) < 2:  # it vanishes in the noise
+        return Measures(*[np.inf] * 5)
+    return Measures(*np.hypot(grid, np.std(values, axis=0, ddof=1)).tolist())
+
+
+def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:
+    """Random numbers (y, x, REPLICAS) of unit variance, alike over `p.correlated`."""
+    width = [max(p.correlated / (WINDOW_STD * step), 1e-3) for step in (p.step[1], p.step[0])]
+    noise = rng.standard_normal((*shape, REPLICAS))
+    smooth = ndimage.gaussian_filter(noise, (*width, 0), mode="reflect")
+    impulse = np.zeros([2 * int(4 * w) + 9 for w in width])
+    impulse[tuple(n // 2 for n in impulse.shape)] = 1.0
+    return smooth / np.sqrt((ndimage.gaussian_filter(impulse, width) ** 2).sum())

@@ -33,31 +33,53 @@ def tabulate_vortices(
 ) -> pd.DataFrame:
     """One row per vortex and instant of a plane series or one plane; columns `COLUMNS`.
 
-    `lifetime` is the time from a track's first to its last detection. The planes are shared out to
-    `processes`; each has one in memory at once, and the result does not depend on their number.
+    `lifetime` is the time from a track's first to its last detection; instants without one between
+    are `bridged`: linear in time. The planes are shared out to `processes`; each has one in memory
+    at once, and the result does not depend on their number.
     """
     tracker = Tracker(tracking)
     if processes < 1:
         raise ValueError(f"threads must be at least 1, got {processes}")
-    rows = []
+    rows, times = [], list[float]()
     empty = True
     for plane, vortices in _planes_with_vortices(series, settings, processes, quiet):
         empty &= not usable(plane).any()
         time = float(plane["time"]) if "time" in plane.coords else None
+        times.append(0.0 if time is None else time)
         for vortex, track in zip(
             vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
         ):
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append(
-                {"time": time, "track": track} | asdict(vortex) | (place._asdict() if place else {})
+                {"time": time, "track": track, "bridged": 0}
+                | asdict(vortex)
+                | (place._asdict() if place else {})
             )
     if empty:
         raise ValueError("there is no usable vector to find vortices in")
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "lifetime"])
+    if len(table) and "time" in series.coords:
+        table = pd.concat([_bridged(rows, times) for _, rows in table.groupby("track")])
+        table = table.sort_values(["time", "track"], ignore_index=True)
     span = table.groupby("track")["time"].agg(lambda t: t.max() - t.min()) if len(table) else None
     table["lifetime"] = table["track"].map(span) if span is not None else []
     table["finger"] = table["finger"].astype("Int64")
     return table
+
+
+def _bridged(track: pd.DataFrame, times: list[float]) -> pd.DataFrame:
+    """The rows of a track, and between them one for each of the `times` at which it was missed."""
+    inside = [t for t in times if track["time"].iloc[0] <= t <= track["time"].iloc[-1]]
+    if len(inside) == len(track):
+        return track
+    whole = track.set_index("time").reindex(pd.Index(inside, name="time"))
+    numbers = whole.select_dtypes("number").columns
+    gap = whole["track"].isna()
+    between = whole[numbers].interpolate("index", limit_area="inside").where(gap, whole[numbers])
+    whole[numbers] = between
+    words = whole.columns.difference(numbers)
+    whole[words] = whole[words].ffill()
+    return whole.assign(bridged=gap.astype(int), finger=whole["finger"].round()).reset_index()
 
 
 def _planes_with_vortices(

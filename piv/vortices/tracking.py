@@ -15,16 +15,12 @@ from piv.vortices.vortex import Vortex
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """How detections join to tracks; lengths in core radii, the same for every unit."""
+    """How detections join to tracks; lengths in radii, the same for every unit."""
 
-    agility: Annotated[float, "standard deviation of the velocity change per frame, core radii"] = (
-        0.2
-    )
-    scatter: Annotated[float, "scatter of a position beside its standard error, core radii"] = 0.1
+    agility: Annotated[float, "standard deviation of the velocity change per frame, radii"] = 0.2
+    scatter: Annotated[float, "scatter of a position beside its standard error, radii"] = 0.1
     gate: Annotated[float, "largest Mahalanobis distance between prediction and detection"] = 4.0
-    max_step: Annotated[float, "largest distance between prediction and detection, core radii"] = (
-        1.5
-    )
+    max_step: Annotated[float, "largest distance between prediction and detection, radii"] = 1.5
     circulation_change: Annotated[
         float, "relative change of circulation that costs as much as one standard deviation"
     ] = 0.5
@@ -50,11 +46,11 @@ class _Track:
 
     def predict(self, time: float, s: TrackingSettings) -> tuple[ndarray, ndarray]:
         """State and covariance at `time`."""
-        dt, a = time - self.time, self.last.core_radius
+        dt, a = time - self.time, self.last.radius
         f = np.eye(4)
         f[0, 2] = f[1, 3] = dt
         p = self.covariance.copy()
-        # no velocity is known yet: a step of one core radius is one standard deviation
+        # no velocity is known yet: a step of one radius is one standard deviation
         if self.young:
             p[2, 2] = p[3, 3] = (a / dt) ** 2
         g = np.array([[dt / 2, 0], [0, dt / 2], [1, 0], [0, 1]])
@@ -111,7 +107,7 @@ class Tracker:
 
 
 def _noise(v: Vortex, s: TrackingSettings) -> ndarray:
-    return np.diag([v.x_std**2, v.y_std**2]) + np.eye(2) * (s.scatter * v.core_radius) ** 2
+    return np.diag([v.x_std**2, v.y_std**2]) + np.eye(2) * (s.scatter * v.radius) ** 2
 
 
 def _cost(
@@ -119,7 +115,7 @@ def _cost(
 ) -> float:
     old = track.last
     d = np.array([vortex.x, vortex.y]) - state[:2]
-    far = s.max_step * max(old.core_radius, vortex.core_radius) * (1 + track.missed)
+    far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed)
     squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
     if old.circulation * vortex.circulation <= 0 or np.hypot(*d) > far or squared > s.gate**2:
         return 1e9

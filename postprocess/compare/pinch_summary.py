@@ -61,7 +61,7 @@ def _source_numbers(
     out["circulation_peak"] = _number(size[rows.index].max())
     for name in ("imbalance", "mirror_distance"):
         out[f"{name}_rms"] = rms(rows[name]) if len(rows) else None
-    clear = [rows[f"x_{finger}"].abs() / rows[f"core_radius_{finger}"] for finger in (0, 1)]
+    clear = [rows[f"x_{finger}"].abs() / rows[f"radius_{finger}"] for finger in (0, 1)]
     out["core_radii_from_plane_approach"] = _number(pd.concat(clear).min())
     for name in ("along_tip", "across_tip"):
         both = 0.5 * (pairs[f"{name}_0"] + pairs[f"{name}_1"])

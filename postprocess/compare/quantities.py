@@ -80,7 +80,7 @@ QUANTITIES: dict[str, Quantity] = {
         "share of instants at which the vortex is found",
     ),
     "circulation_difference": Quantity(
-        lambda p: tracks.circulation_difference(paired(p)),
+        lambda p: tracks.relative_difference(paired(p), "circulation"),
         "fraction",
         "RMS difference of circulation, over the RMS circulation of the reference",
     ),

@@ -51,7 +51,7 @@ def _vortex_numbers(track: pd.DataFrame, window: _Window) -> dict[str, Any]:
     return {
         "circulation_mean": float(rows["circulation"].mean()),
         "circulation_peak": float(track.loc[track["circulation"].abs().idxmax(), "circulation"]),
-        "core_radius_mean": float(rows["core_radius"].mean()),
+        "radius_mean": float(rows["radius"].mean()),
         "side": str(rows["side"].mode().iloc[0]),
         "instants": len(rows),
     }
@@ -83,7 +83,7 @@ def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     reference = pair["circulation_reference"]
     signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
     numbers = (
-        tracks.circulation_difference(pair),
+        tracks.relative_difference(pair, "circulation"),
         float(signed.mean()),
         float(signed.abs().max()),
         tracks.centre_distance(pair),

@@ -22,7 +22,7 @@ _HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 # Behind the body.
 _MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 2, "path_effects": _HALO}
 _OTHER: dict[str, Any] = _MARK | {"color": "#4b5561", "linewidth": 1.0}
-_MARKED = ["x", "y", "core_radius", "circulation"]
+_MARKED = ["x", "y", "radius", "circulation"]
 _RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
 _SHADE: dict[str, Any] = {
     "origin": "lower",
@@ -49,7 +49,7 @@ def view_limits(planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataF
         high = min(float(p[axis][-1]) for p in planes.values())
         at = [p["tip"].values[..., number].ravel() for p in planes.values() if "tip" in p]
         for track in (track for fingers in vortices.values() for track in fingers):
-            at += [track[axis] - track["core_radius"], track[axis] + track["core_radius"]]
+            at += [track[axis] - track["radius"], track[axis] + track["radius"]]
         known = np.concatenate(at) if at else np.array([low, high])
         limits += [max(low, float(known.min()) - _AROUND), min(high, float(known.max()) + _AROUND)]
     return limits

@@ -21,9 +21,9 @@ _LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
 
 
 def circulation(tracks: Tracks, middle: tuple[float, float]) -> Figure:
-    """Circulation and core radius of every tip's vortex over time with 95 % bands."""
+    """Circulation and radius of every tip's vortex over time with 95 % bands."""
     figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True, height_ratios=(2, 1))
-    rows = (("circulation", 1e4, "circulation, cm²/s"), ("core_radius", MM, "core radius, mm"))
+    rows = (("circulation", 1e4, "circulation, cm²/s"), ("radius", MM, "radius, mm"))
     for ax, (name, unit, label) in zip(axes, rows, strict=True):
         for source, fingers in tracks.items():
             for finger, track in enumerate(fingers):

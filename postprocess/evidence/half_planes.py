@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy import ndimage
 
-from piv.vortices.circulation import distance_to_invalid
 from piv.vortices.criteria import gradients, vorticity
 from postprocess.evidence.centreline import beside_middle, halves_of, on_middle
 from postprocess.evidence.fields import frame
-from postprocess.evidence.vortex_integral import CLEAR
 
+CLEAR = 0.125  # tip widths (2 mm) from a body: nearer, the vorticity is its wall layer's
 # m below the tips where they are nearest: places at which the jet is measured
 BELOW = (0.020, 0.030, 0.040)
 
@@ -39,7 +39,9 @@ def half_planes(plane: xr.Dataset) -> pd.DataFrame:
     for index, time in enumerate(plane["time"].values):
         (u, v), valid = frame(plane, index)
         omega = np.nan_to_num(vorticity(gradients(u, v, valid, dx, dy, "least-squares")))
-        omega = np.where(distance_to_invalid(valid, dx, dy) > CLEAR * width, omega, 0.0)
+        if not valid.all():
+            away = ndimage.distance_transform_edt(valid, sampling=(dy, dx)) > CLEAR * width
+            omega = np.where(away, omega, 0.0)
         row = {"time": time}
         for finger, half in enumerate(halves_of(x)):
             part = omega[:, half].sum(axis=0) * dx * dy

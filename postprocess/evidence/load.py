@@ -62,7 +62,9 @@ def load_evidence(files: StageFiles) -> Evidence:
         evidence,
         pairs={source: pair_vortices(table) for source, table in vortices.items()},
         lines={source: centreline(plane, scale) for source, plane in planes.items()},
-        integrals={source: pair_integrals(plane, scale) for source, plane in planes.items()},
+        integrals={
+            source: pair_integrals(plane, vortices[source]) for source, plane in planes.items()
+        },
         halves={source: half_planes(plane) for source, plane in planes.items()},
         single=single,
         single_absent=absent,

@@ -12,7 +12,7 @@ from postprocess.evidence.check_finite import check_table
 
 _REACH = 2.5  # tip widths; a vortex further off is not the tip's
 _RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
-COMPARED = ("circulation", "x", "y", "core_radius")
+COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
@@ -112,10 +112,10 @@ def within(
     return rows
 
 
-def circulation_difference(pair: pd.DataFrame) -> float:
-    """RMS of the difference of circulation over the RMS circulation of the reference."""
-    difference = pair["circulation_other"] - pair["circulation_reference"]
-    return float(np.sqrt((difference**2).mean() / (pair["circulation_reference"] ** 2).mean()))
+def relative_difference(pair: pd.DataFrame, name: str) -> float:
+    """RMS of the difference of a column of COMPARED over the RMS of the reference's."""
+    difference = pair[f"{name}_other"] - pair[f"{name}_reference"]
+    return float(np.sqrt((difference**2).mean() / (pair[f"{name}_reference"] ** 2).mean()))
 
 
 def centre_distance(pair: pd.DataFrame) -> float:

@@ -7,10 +7,10 @@ import pandas as pd
 
 _REACH = 5.0  # tip widths: the pair is followed beyond where a vortex counts as the tip's own
 _KEPT = (
-    *("track", "x", "y", "circulation", "core_radius"),
+    *("track", "x", "y", "circulation", "radius"),
     *("side", "tip_distance", "along_tip", "across_tip"),
 )
-_ERRORS = ("x_std", "y_std", "circulation_std", "core_radius_std")  # kept where the table has them
+_ERRORS = ("x_std", "y_std", "circulation_std", "radius_std")  # kept where the table has them
 
 
 def pair_vortices(table: pd.DataFrame) -> pd.DataFrame:
@@ -34,7 +34,7 @@ def pair_vortices(table: pd.DataFrame) -> pd.DataFrame:
         off = np.hypot(others["x"] + one["x"], others["y"] - one["y"])  # from the mirror image
         other = others.loc[off.idxmin()]
         apart = float(np.hypot(other["x"] - one["x"], other["y"] - one["y"]))
-        if apart < 0.5 * (one["core_radius"] + other["core_radius"]):
+        if apart < 0.5 * (one["radius"] + other["radius"]):
             continue
         left, right = (one, other) if first == 0 else (other, one)
         total = abs(left["circulation"]) + abs(right["circulation"])

@@ -151,7 +151,7 @@ def vortex_figures(
             if bands
             else "The tables carry no uncertainty, so no band is drawn."
         )
-        alt = "Circulation and core radius of the tip vortex over time, CFD and PIV where run."
+        alt = "Circulation and radius of the tip vortex over time, CFD and PIV where run."
         figure = draw_series.circulation(dominant, middle)
         album.add(figure, "circulation.svg", "vortex", alt, caption)
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."

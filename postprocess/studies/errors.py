@@ -17,7 +17,6 @@ from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import peak_tip_speed
-from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
 
 _INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
@@ -33,8 +32,7 @@ def errors_against(
     """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best` over a window (s).
 
     Each is a part of its own scale, and `error` is the largest. The force's error is from the
-    beginning. A flow's circulation and centre are integrals within CIRCLE, those of the fit are
-    named `…_fit`; `error_dorsal` is of all water on the tip's dorsal side. PIV's are of the fit.
+    beginning. `error_dorsal` is of all water on the tip's dorsal side.
     """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
@@ -54,20 +52,13 @@ def errors_against(
             name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
             for name, of, seen in (("best", best, "cfd"), ("other", files, source))
         }
-        fits = list(tracks.dominant_tracks(tables, 0, window).values())
-        if len(fits) == 2:
-            of_fit = vortex_errors(fits[0], fits[1], window, width)
-            if source == "piv":
-                errors |= of_fit
-            else:
-                a, b = (
-                    vortex_integrals(plane, fit, CIRCLE * width, window)
-                    for plane, fit in zip((wanted, got), fits, strict=True)
-                )
-                if of_circle := vortex_errors(a, b, window, width):
-                    sides = (dorsal_circulation(plane, window) for plane in (wanted, got))
-                    errors |= of_circle | {"error_dorsal": dorsal_error(*sides)}
-                errors |= {f"{name}_fit": value for name, value in of_fit.items()}
+        tips = list(tracks.dominant_tracks(tables, 0, window).values())
+        if len(tips) == 2:
+            of_vortex = vortex_errors(tips[0], tips[1], window, width)
+            errors |= of_vortex
+            if source == "cfd" and of_vortex:
+                sides = (dorsal_circulation(plane, window) for plane in (wanted, got))
+                errors["error_dorsal"] = dorsal_error(*sides)
     if source == "cfd":
         forces = (FORCES.read(of.required("run/forces.csv", "run")) for of in (best, files))
         errors["error_force"] = force_error(*forces)
@@ -91,7 +82,7 @@ def near_tip_error(reference: xr.Dataset, other: xr.Dataset) -> float:
 def vortex_errors(
     reference: pd.DataFrame, other: pd.DataFrame, window: tuple[float, float], width: float
 ) -> dict[str, float]:
-    """RMS of circulation (part of the reference's) and of centre (tip widths) of two vortices.
+    """RMS of circulation, peak vorticity (parts of the reference's) and centre (tip widths).
 
     Empty where the two have no instant in common.
     """
@@ -103,7 +94,8 @@ def vortex_errors(
         return {}
     distance = tracks.centre_distance(pair)
     return {
-        "error_circulation": tracks.circulation_difference(pair),
+        "error_circulation": tracks.relative_difference(pair, "circulation"),
+        "error_peak_vorticity": tracks.relative_difference(pair, "peak_vorticity"),
         "error_centre": distance / width,
         "error_centre_mm": distance * 1e3,
     }

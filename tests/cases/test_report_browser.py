@@ -59,7 +59,7 @@ def judged():
     }  # fmt: skip
     verdicts = {
         "final_bend": ("model error", "rad"), "circulation": ("agrees", "m²/s"),
-        "core_radius": ("too uncertain", "m"), "velocity_field": ("agrees", "m/s"),
+        "radius": ("too uncertain", "m"), "velocity_field": ("agrees", "m/s"),
     }  # fmt: skip
     quantities = [
         quantity(name, -2.3e-3, 3e-4, verdict, unit=unit) | numbers

@@ -25,7 +25,6 @@ from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder
 from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
-from piv.vortices.gamma2 import gamma2
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.analytic.piv.tip_scene import tip_scene
 
@@ -48,7 +47,7 @@ def copy_figures(scene: str, level: str) -> None:
 
 
 def vortices(path: Path) -> None:
-    """Tip vortex on a CFD grid and on a PIV grid: vorticity, Γ2 region, fitted core."""
+    """Tip vortex on a CFD grid and on a PIV grid: vorticity and the found vortices."""
     scenes = {
         "CFD grid, 0.5 mm": tip_scene(0.5e-3, 5e-3, 1.5),
         "PIV-like, 1 mm, filtered, noisy": tip_scene(1e-3, 5e-3, 1.5, blur=0.8e-3, noise=2e-3),
@@ -58,13 +57,11 @@ def vortices(path: Path) -> None:
         x, y, u, v = (plane[n].values for n in ("x", "y", "u", "v"))
         valid, step = plane["valid"].values != 0, x[1] - x[0]
         omega = vorticity(gradients(u, v, valid, step, step))
-        region = np.nan_to_num(np.abs(gamma2(u, v, valid, step, step, 2e-3)))
         axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap=COLOUR_MAP, vmin=-150, vmax=150)
-        axis.contour(x * 1e3, y * 1e3, region, [2 / np.pi], colors="tab:green")
         k = round(2e-3 / step)
         axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)
         for w in find_vortices(plane):
-            place, radius = (w.x * 1e3, w.y * 1e3), w.core_radius * 1e3
+            place, radius = (w.x * 1e3, w.y * 1e3), w.radius * 1e3
             axis.add_patch(plt.Circle(place, radius, fill=False, lw=2))
             text = f"{w.circulation * 1e4:.0f} ± {w.circulation_std * 1e4:.0f} cm²/s"
             axis.annotate(text, place)

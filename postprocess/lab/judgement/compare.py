@@ -15,7 +15,7 @@ from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import versions
-from piv.vortices.find import VortexSettings
+from piv.vortices.find import TIP_PART, VortexSettings
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
 from postprocess.lab.data.inputs_toml import Inputs, read_inputs
@@ -94,6 +94,10 @@ def _make_case(
     px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
     if dpiv.kind == "vectors":
         px *= dpiv.scale.pixel
+    window = dpiv.piv.window * px
+    # one scale for all sides, although their windows differ
+    scale = max(TIP_PART * kinematics.tip_width, 0.5 * window)
+    settings |= {"scale": settings["scale"] or scale, "correlation_length": window}
     case = Case(
         kinematics,
         registration,
@@ -101,7 +105,7 @@ def _make_case(
         planes.virtual,
         planes.direct,
         VortexSettings(**settings),
-        dpiv.piv.window * px,
+        window,
         geometry,
         bend_std,
         dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4",

@@ -11,7 +11,6 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
-from postprocess.evidence.vortex_integral import CIRCLE
 from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.case import Case, Effect
@@ -65,7 +64,7 @@ def compared_instants(
             " take pictures of the whole stroke, or of more particles"
         )
     sides = {"data": case.data} | ({} if case.virtual is None else {"virtual": case.virtual})
-    own = {name: scatter(case, plane, measured[name], at) for name, plane in sides.items()}
+    own = {name: scatter(plane, measured[name], at) for name, plane in sides.items()}
     begin = at.size // 2 if at.size >= 2 * FEWEST else 0
     if case.virtual is not None:
         times = case.direct["time"].values
@@ -74,7 +73,7 @@ def compared_instants(
 
         def predicted(first: int) -> float:
             rows = at[first:]
-            swirl = _swirl(case, measured["data"], rows)
+            swirl = _swirl(measured["data"], rows)
             alike = independent_instants(times[rows], swirl, case.window_m)
             return float(np.hypot(np.mean(seen[rows] - true[rows]), random / np.sqrt(alike)))
 
@@ -94,10 +93,9 @@ def independent_instants(times: np.ndarray, speed: float, window_m: float) -> fl
     return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
 
 
-def _swirl(case: Case, data: pd.DataFrame, rows: np.ndarray) -> float:
-    """Mean speed (m/s) around the tip vortex on the circle over which it is integrated."""
-    radius = CIRCLE * case.kinematics.tip_width
-    return float(data["circulation"].abs()[rows].mean() / (2 * np.pi * radius))
+def _swirl(data: pd.DataFrame, rows: np.ndarray) -> float:
+    """Mean speed (m/s) around the tip vortex at its radius."""
+    return float((data["circulation"].abs() / (2 * np.pi * data["radius"]))[rows].mean())
 
 
 def flow_quantities(
@@ -108,7 +106,7 @@ def flow_quantities(
 ) -> list[ValidatedQuantity]:
     """Circulation and centre with all their sources, as means over the instants `rows`."""
     simulated = "virtual" if "virtual" in measured else "direct"
-    times, swirl = case.direct["time"].values, _swirl(case, measured["data"], rows)
+    times, swirl = case.direct["time"].values, _swirl(measured["data"], rows)
     out = []
     for name, (columns, unit, label) in VORTEX.items():
         names = list(columns)

@@ -58,7 +58,7 @@ def compared(tmp_path_factory):
         covariance = np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
         none = np.empty(0)
         registration = Registration(pose, covariance, NO_NUISANCE, law, none, none, none, None)
-        settings = VortexSettings(stencil_radius=0.004, min_circulation=2e-4, weights="equal")
+        settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = data, virtual, direct
         known = settings, 24 * pose.pixel, False, 0.0, True
         case = Case(kinematics, registration, *sides, *known)

@@ -44,7 +44,7 @@ def run(tmp_path_factory):
     """A run whose flow is an analytic vortex."""
     case = tmp_path_factory.mktemp("whole") / "cases" / "finger"
     (case / "reference").mkdir(parents=True)
-    text = f'extends = "{CASE}"\n[vortices]\nstencil_radius = 0.004\n'
+    text = f'extends = "{CASE}"\n[vortices]\nscale = 0.004\n'
     (case / "scene.toml").write_text(text)
     (case / "reference" / "inputs.toml").write_text(INPUTS)
     with pytest.MonkeyPatch.context() as patch:

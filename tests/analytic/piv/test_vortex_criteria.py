@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piv.vortices.criteria import gradients, q_criterion, swirling_strength, vorticity
-from piv.vortices.gamma2 import gamma2
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, lamb_oseen
 
 X, Y = np.meshgrid(np.arange(41.0), np.arange(31.0))
@@ -41,17 +40,6 @@ def test_solid_rotation_and_pure_shear():
     g = gradients(0.5 * X, -0.5 * Y, ALL, 1.0, 1.0)
     np.testing.assert_allclose(swirling_strength(g), 0.0, atol=1e-12)
     np.testing.assert_allclose(q_criterion(g), -0.25, atol=1e-12)
-
-
-def test_gamma2_of_solid_rotation_is_one_and_ignores_drift():
-    u, v = -0.1 * (Y - 15), 0.1 * (X - 20)
-    g2 = gamma2(u, v, ALL, 1.0, 1.0, 3.0)
-    # at the centre every vector is normal to its radius
-    assert g2[15, 20] == pytest.approx(1.0, abs=1e-12)
-    drifted = gamma2(u + 5.0, v - 3.0, ALL, 1.0, 1.0, 3.0)
-    inner = np.s_[3:-3, 3:-3]
-    # away from the border the disc's mean takes any drift off
-    np.testing.assert_allclose(drifted[inner], g2[inner], atol=1e-9)
 
 
 @given(

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from scipy import ndimage
-from scipy.special import erf
 
 from fileio.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
-from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, lamb_oseen
+from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
 from tests.studies.piv.turbulence_field import TurbulentPlane
 
 STEP = 8.0
@@ -36,11 +35,10 @@ def test_exact_field_gives_exact_parameters():
     assert len(vortices) == 2
     a, b = vortices
     # without noise only the sweeps' convergence remains
-    assert (a.x, a.y) == pytest.approx((500.3, 503.7), abs=1e-3)
-    assert a.circulation == pytest.approx(GAMMA, rel=1e-4)
+    assert (a.x_fit, a.y_fit) == pytest.approx((500.3, 503.7), abs=1e-3)
+    assert a.circulation_fit == pytest.approx(GAMMA, rel=1e-4)
     assert a.core_radius == pytest.approx(40, rel=1e-4)
-    assert a.peak_swirl_velocity == pytest.approx(6, rel=1e-4)
-    assert b.circulation == pytest.approx(-0.6 * GAMMA, rel=1e-3)
+    assert b.circulation_fit == pytest.approx(-0.6 * GAMMA, rel=1e-3)
     assert b.core_radius == pytest.approx(30, rel=1e-3)
 
 
@@ -54,8 +52,12 @@ def test_accuracy_from_noisy_piv_with_neighbour_and_shear():
             AXIS_X, AXIS_Y, u + correlated_noise(rng, 0.03), v + correlated_noise(rng, 0.03)
         )
         a = find_vortices(plane)[0]
-        errors.append([a.x - cx, a.y - cy, a.circulation / GAMMA - 1, a.core_radius / 40 - 1])
-        expected.append([a.x_std, a.y_std, a.circulation_std / GAMMA, a.core_radius_std / 40])
+        errors.append(
+            [a.x_fit - cx, a.y_fit - cy, a.circulation_fit / GAMMA - 1, a.core_radius / 40 - 1]
+        )
+        expected.append(
+            [a.x_fit_std, a.y_fit_std, a.circulation_fit_std / GAMMA, a.core_radius_std / 40]
+        )
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     # allowed: centre 0.1 px, circulation 1 %, core radius 2 %; times 1.3 for the scatter of an RMS
     # of 12 draws
@@ -75,8 +77,9 @@ def test_given_uncertainties_weigh_the_vectors():
     )
     known = plain.assign(u_std=(("y", "x"), noise), v_std=(("y", "x"), noise))
     # a fifth of wild vectors: known as such they hardly count
-    assert abs(find_vortices(known)[0].x - 500) < 0.05
-    assert find_vortices(known)[0].circulation_std < 0.3 * find_vortices(plain)[0].circulation_std
+    told, blind = find_vortices(known)[0], find_vortices(plain)[0]
+    assert abs(told.x_fit - 500) < 0.05
+    assert told.circulation_fit_std < 0.3 * blind.circulation_fit_std
 
 
 def test_a_known_uncertainty_widens_the_disc_as_far_as_the_model_holds():
@@ -90,27 +93,25 @@ def test_a_known_uncertainty_widens_the_disc_as_far_as_the_model_holds():
         return find_vortices(plane, weights=weights)[0]
 
     free, narrow = fitted(u, v, **std), fitted(u, v, weights="equal")
-    assert free.n_vectors > 3 * narrow.n_vectors  # four core radii in place of two
     # Cramér-Rao bound of this noise: 1.6 % in two core radii, 0.23 % in four
-    assert abs(free.circulation / GAMMA - 1) < 0.01
+    assert abs(free.circulation_fit / GAMMA - 1) < 0.01
+    assert free.circulation_fit_std < 0.5 * narrow.circulation_fit_std
     # a flow of another kind from three core radii on, ten times the noise strong
     other = 0.3 * np.clip(np.hypot(X - 500, Y - 500) / 40 - 2.5, 0, 1) * np.sin(X / 9)
-    assert fitted(u + other, v, **std).n_vectors < 3 * narrow.n_vectors
+    held = fitted(u + other, v, **std).circulation_fit_std
+    assert held > 0.5 * narrow.circulation_fit_std
     # without the uncertainty the residuals of the smallest disc stand for it
-    assert fitted(u, v).n_vectors == free.n_vectors
-    assert fitted(u + other, v).n_vectors < 3 * narrow.n_vectors
+    assert fitted(u, v).circulation_fit == pytest.approx(free.circulation_fit, rel=1e-3)
 
 
-@pytest.mark.parametrize("half_distance", [0.06, 0.25, 0.4])
-def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_halves(
-    half_distance,
-):
+@pytest.mark.parametrize("half_distance", [0.25, 0.4])
+def test_cores_that_overlap_across_a_mirror_plane_are_two_vortices_of_equal_strength(half_distance):
     core, peak_noise = 8.0, 0.01
     axis = np.arange(-40.0, 41.0)
     x, y = np.meshgrid(axis, axis)
     sides = [lamb_oseen(x, y, s * half_distance * core, 0, s, core) for s in (-1, 1)]
     u, v = (a + b for a, b in zip(*sides, strict=True))
-    half = erf(half_distance)  # vorticity of both, integrated over one half plane
+    exact = find_vortices(make_plane(axis, axis, u, v))
     for seed in range(2):
         rng = np.random.default_rng(seed)
         noise = [ndimage.uniform_filter(rng.normal(size=x.shape), 4) for _ in range(2)]
@@ -119,24 +120,24 @@ def test_cores_that_overlap_across_a_mirror_plane_have_the_circulation_of_their_
             for q, e in zip((u, v), noise, strict=True)
         )
         found = find_vortices(make_plane(axis, axis, *noisy))
-        assert [np.sign(w.x * w.circulation) for w in found] == [
-            1,
-            1,
-        ]  # fitted jointly: one or none
-        # half a dipole is not quite Lamb-Oseen's: 4 to 20 % measured
-        assert [abs(w.circulation) for w in found] == pytest.approx([half, half], rel=0.25)
+        assert [np.sign(w.x * w.circulation) for w in found] == [1, 1]
+        strengths = [abs(w.circulation) for w in found]
+        # no noise: a few per cent of the region's edge
+        assert strengths == pytest.approx([abs(exact[0].circulation)] * 2, rel=0.1)
         assert found[0].x + found[1].x == pytest.approx(0, abs=0.1 * core)
 
 
-def test_in_turbulence_no_disc_is_widened_as_if_the_rest_were_noise():
+def test_turbulence_is_full_of_vortices_whose_fits_differ_little():
     axis = np.arange(100) * 8.0
     x, y = np.meshgrid(axis, axis)
     u, v = TurbulentPlane(1.0, 63)(x, y)
-    found = find_vortices(make_plane(axis, axis, u, v))
-    # a disc of four core radii of the smoothest large eddy swallowed all others: 13 were left
-    assert len(found) > 60
-    inside = [w for w in found if w.contour_radius > 1.5 * w.core_radius]
-    assert np.mean([abs(w.circulation) < 2 * abs(w.circulation_area) for w in inside]) > 0.9
+    found = find_vortices(make_plane(axis, axis, u, v), min_part=0.05)
+    assert len(found) > 30
+    fitted = [w for w in found if np.isfinite(w.circulation_fit)]
+    assert len(fitted) > 0.5 * len(found)
+    # a disc that is widened too far swallows the eddies beside it: ten times the region's strength
+    ratios = [w.circulation_fit / w.circulation for w in fitted]
+    assert np.mean([0.3 < r < 4 for r in ratios]) > 0.9
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25e-4])
@@ -153,42 +154,47 @@ def test_units_and_sense_only_scale_the_result(scale, sense):
     # same numbers up to rounding in the iterations
     assert a.x == pytest.approx(reference.x * scale, rel=1e-5)
     assert a.y == pytest.approx(sense * reference.y * scale, rel=1e-5)
-    assert a.circulation == pytest.approx(sense * reference.circulation * scale**2 * 500, rel=1e-4)
+    # a cell on the edge may change sides
+    assert a.circulation == pytest.approx(sense * reference.circulation * scale**2 * 500, rel=1e-3)
 
 
-def test_circulation_by_contour_and_area_obey_stokes():
-    u, v = lamb_oseen(X, Y, 600.0, 500.0, GAMMA, 80.0)
-    a = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v), scheme="fourth-order")[0]
-    exact = GAMMA * (1 - np.exp(-((a.contour_radius / 80.0) ** 2)))
-    # ten cells per core: fourth-order differences and cubic interpolation are good to a thousandth
-    assert a.circulation_contour == pytest.approx(exact, rel=1e-3)
-    assert a.circulation_area == pytest.approx(exact, rel=2e-3)
+@pytest.mark.parametrize("core", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize("drift", [0.0, 3.0])
+def test_a_region_holds_a_known_part_of_a_lamb_oseen_vortex_at_any_scale(core, drift):
+    u, v = lamb_oseen(X, Y, 603.0, 501.0, GAMMA, core)
+    for scale in (8.0, 16.0, 24.0):
+        found = find_vortices(make_plane(AXIS_X, AXIS_Y, u + drift, v - drift), scale=scale)
+        a = found[0]
+        # smoothed it stays a Lamb-Oseen vortex; Q > 0 bounds 71.5 % of it, where its swirl peaks;
+        # cells of the edge: 0.5 %; weights end at three standard deviations: the peak is 1 % high
+        wide = np.hypot(core, np.sqrt(2) * scale)
+        assert a.circulation == pytest.approx(-np.expm1(-(PEAK_RADIUS**2)) * GAMMA, rel=8e-3)
+        assert a.radius == pytest.approx(PEAK_RADIUS * wide, rel=5e-3)
+        assert a.peak_vorticity == pytest.approx(GAMMA / (np.pi * wide**2), rel=0.015)
+        assert (a.x, a.y) == pytest.approx((603.0, 501.0), abs=0.03 * STEP)
 
 
-def test_rankine_batchelor_and_taylor_green():
+def test_rankine_and_taylor_green():
     r = np.hypot(X - 600, Y - 500)
     swirl = np.where(r < 60, r / 60**2, 1 / np.maximum(r, 1e-9)) * 300
     u, v = -swirl * (Y - 500) / np.maximum(r, 1e-9), swirl * (X - 600) / np.maximum(r, 1e-9)
     a = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))[0]
-    assert (a.x, a.y) == pytest.approx(
-        (600, 500), abs=0.1
-    )  # symmetric, so the model's misfit moves nothing
-    # contour well outside the core; the vorticity jump of a Rankine vortex spreads over a cell
-    assert a.circulation_contour == pytest.approx(2 * np.pi * 300, rel=0.01)
-    # a Batchelor vortex is a Lamb-Oseen vortex with an axial jet, which the plane does not see
-    u, v = lamb_oseen(X, Y, 600, 500, 2000, 50)
-    b = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v, w=np.exp(-(r**2) / 50**2)))[0]
-    assert b.circulation == pytest.approx(2000, rel=1e-3)
+    assert (a.x, a.y) == pytest.approx((600, 500), abs=0.1)
+    assert (a.x_fit, a.y_fit) == pytest.approx((600, 500), abs=0.1)
     # Taylor-Green: one vortex per half wave, alternating, centres on the lattice
-    k = np.pi / 320
+    k, scale = np.pi / 320, 16.0
     u, v = 5 * np.sin(k * X) * np.cos(k * Y), -5 * np.cos(k * X) * np.sin(k * Y)
-    vortices = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))
+    vortices = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v), scale=scale)
     inner = [w for w in vortices if 320 < w.x < 960 and 320 < w.y < 640]
     assert len(inner) == 2
     for w in inner:
-        # a quarter of a cell: the plane ends unevenly
-        assert min(abs(w.x - 480), abs(w.x - 800)) < 2.0
-        assert np.sign(w.circulation) == np.sign(np.sin(k * w.x) * np.sin(k * w.y))
+        assert min(abs(w.x - 480), abs(w.x - 800)) < 0.5
+        # the vorticity of a cell's square |x| + |y| < 160 px, smoothed; its corners, where it is
+        # less than a tenth of the peak, do not count: 0.4 %
+        whole = 10 * np.pi / k * np.exp(-((k * scale) ** 2))
+        assert w.circulation == pytest.approx(
+            np.sign(np.sin(k * w.x) * np.sin(k * w.y)) * whole, rel=0.01
+        )
 
 
 def test_noise_and_uniform_flow_hold_no_vortex_worth_the_name():
@@ -210,16 +216,23 @@ def test_what_is_not_a_plane_is_refused():
         find_vortices(series.isel(time=0), treshold=1)
 
 
-def test_no_vortex_lies_in_a_body():
-    """A vortex whose centre is in the wall is fitted right, but is no vortex of the flow."""
-    x = np.linspace(-10.0, 10.0, 81)
+def test_a_layer_on_a_wall_is_no_vortex():
+    """Shear of one sense along a straight wall and round its end."""
+    x = np.linspace(-20.0, 20.0, 161)
     xx, yy = np.meshgrid(x, x)
-    u, v = lamb_oseen(xx, yy, 0.0, 0.0, 100.0, 3.0)
-    plane = make_plane(x, x, u, v, valid=yy > 0.4)
-    found = find_vortices(plane)
-    assert len(found) == 1
-    # the fit is exact for its own model: within a grid step
-    assert np.hypot(found[0].x, found[0].y) < 0.25
-    wall = np.array([[[-10.0, -10.0], [10.0, -10.0], [10.0, 0.4], [-10.0, 0.4]]])
-    assert not find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall)))
-    assert len(find_vortices(plane.assign(outline=(("finger", "point", "axis"), wall - 1.0)))) == 1
+    body = (np.abs(xx) < 4) & (yy > 0)
+    along = np.exp(-np.hypot(np.maximum(np.abs(xx) - 4, 0), np.maximum(-yy, 0)) / 1.5)
+    u, v = np.where(yy < 0, along, 0.0), np.where(yy < 0, 0.0, np.sign(xx) * along)
+    assert find_vortices(make_plane(x, x, u, v, valid=~body), scale=1.0, min_circulation=1.0) == []
+
+
+def test_a_hole_in_the_vectors_of_a_core_is_no_missing_vortex():
+    """Rejected vectors (flag 1) lie in the water: their neighbours tell the flow between them."""
+    u, v = lamb_oseen(X, Y, 600.0, 500.0, GAMMA, 60.0)
+    whole = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))[0]
+    hole = np.hypot(X - 600, Y - 500) < 20
+    plane = make_plane(AXIS_X, AXIS_Y, u, v, valid=~hole, flag=hole.astype(np.uint8))
+    found = find_vortices(plane)[0]
+    # a linear fit over two steps of smoothing misses some of the curvature
+    assert found.circulation == pytest.approx(whole.circulation, rel=0.03)
+    assert (found.x, found.y) == pytest.approx((600, 500), abs=1.0)

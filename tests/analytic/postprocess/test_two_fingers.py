@@ -25,7 +25,7 @@ def vortex(time, finger, x, y, circulation, track=0, distance=0.5, side="dorsal"
         "circulation": circulation,
         "track": track,
     } | {
-        "core_radius": 0.004,
+        "radius": 0.004,
         "side": side,
         **place,
     }

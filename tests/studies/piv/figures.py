@@ -79,8 +79,8 @@ def vortex_fit() -> str:
         v = min(vortices, key=lambda w: np.hypot(w.x - CENTRE[0], w.y - CENTRE[1]))
         rows.append(
             (
-                np.hypot(v.x - CENTRE[0], v.y - CENTRE[1]),
-                abs(v.circulation / strength - 1),
+                np.hypot(v.x_fit - CENTRE[0], v.y_fit - CENTRE[1]),
+                abs(v.circulation_fit / strength - 1),
                 abs(v.core_radius / 40 - 1),
             )
         )

@@ -39,7 +39,7 @@ def circulation_error(ds, core: float) -> float:
     """Relative error of the fitted circulation; NaN without a vortex within a core radius."""
     exact = 2 * np.pi * core * PEAK / PEAK_SWIRL
     near = [w for w in find_vortices(ds) if np.hypot(w.x - WALL - core, w.y - MIDDLE) < core]
-    return near[0].circulation / exact - 1 if near else np.nan
+    return near[0].circulation_fit / exact - 1 if near else np.nan
 
 
 def told(circulations: list[float]) -> str:

@@ -12,10 +12,8 @@ import xarray as xr
 from fileio.formats.plane_series import read_plane
 from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene, load_scene
-from piv.vortices.find import find_vortices
 from postprocess.evidence.dorsal_circulation import dorsal_circulation
-from postprocess.evidence.tip_vortex import dominant_track, read_vortices
-from postprocess.evidence.vortex_integral import CIRCLE, vortex_integrals
+from postprocess.evidence.tip_vortex import COMPARED, dominant_track, read_vortices
 from postprocess.studies.table import files_of, middle_of_stroke, missing_runs, read_plan
 from postprocess.studies.tradeoff import PART_OF_STROKE
 from tests.studies.validation.checks import Check, Result
@@ -26,7 +24,6 @@ GRIDS = ("g141", "g100", "g071", "g050")
 STEPS = ("dt200", "g100", "dt050", "dt025")
 STUDY = Path("out") / "studies" / "tradeoff" / "plan.json"  # its family of grids
 JUDGED = {"coarse": 0.08, "medium": 0.04}  # levels: largest uncertainty of the circulation
-NEAR_TIP = 3.0  # tip widths within which the tip's vortex lies
 QUANTITIES = {
     "dorsal": "circulation of the tip's dorsal side",
     "circulation": "tip-vortex circulation",
@@ -48,63 +45,20 @@ class Run:
     values: dict[str, float]
 
 
-def _tip_vortex(sheet: xr.Dataset, scene: Scene) -> pd.Series:
-    """Circulations and centre of the strongest dorsal vortex at half of the bend's change.
+def _tip_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float] | None) -> pd.Series:
+    """Means over a window (s) of the tip vortex's circulation, x, y and peak vorticity.
 
-    By integrals over a circle, as in docs/tradeoff.md, whose centre is that of the fit.
-    ValueError where there is no vortex.
+    At half of the bend's change where there is none. `dorsal`: that part of the dorsal side's
+    circulation which is not prescribed. Single instants differ between grids: the shear layer's
+    vortices pass and pair.
     """
-    bend = sheet["bend"].values[:, 0]
-    half = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[-1]))))
-    plane = sheet.isel(time=half)
-    vortices = find_vortices(
-        plane[["u", "v", "valid"]],
-        min_circulation=scene.vortices.min_circulation,
-        stencil_radius=scene.vortices.stencil_radius,
-        weights=scene.vortices.weights,
-    )
-    tip, dorsal = plane["tip"].values[0], plane["dorsal_direction"].values[0]
-    reach = NEAR_TIP * float(sheet.attrs["tip_width"])
-    apart = [np.array([v.x - tip[0], v.y - tip[1]]) for v in vortices]
-    near = [
-        vortex
-        for vortex, gap in zip(vortices, apart, strict=True)
-        if np.hypot(*gap) < reach and np.dot(gap, dorsal) > 0
-    ]
-    if not near:
-        raise ValueError(
-            f"no vortex at the dorsal side of the tip of {scene.name} at level {scene.level}"
-        )
-    strongest = max(near, key=lambda v: abs(v.circulation))
-    time = float(plane["time"])
-    place = {"x": strongest.x, "y": strongest.y, "circulation": strongest.circulation}
-    return _integrals_of(sheet, scene, pd.DataFrame([{"time": time, **place}]), (time, time))
-
-
-def _mean_vortex(sheet: xr.Dataset, scene: Scene, window: tuple[float, float]) -> pd.Series:
-    """The same as means over a window (s).
-
-    Single instants differ between grids: the shear layer's vortices pass the circle and pair.
-    """
-    track = dominant_track(read_vortices(scene.out / "vortices_cfd.csv"), 0, window, scene.level)
-    return _integrals_of(sheet, scene, track, window)
-
-
-def _integrals_of(
-    sheet: xr.Dataset, scene: Scene, track: pd.DataFrame, window: tuple[float, float]
-) -> pd.Series:
-    """Means over a window (s) of circulation, x and y in the circle around a tracked vortex.
-
-    `dorsal`: that part of the dorsal side's circulation which is not prescribed. ValueError where
-    the circle is empty.
-    """
-    integrals = vortex_integrals(sheet, track, CIRCLE * float(sheet.attrs["tip_width"]), window)
-    if integrals.empty:
-        raise ValueError(
-            f"the tip vortex of {scene.name} at level {scene.level} has nothing in its circle from"
-            f" {window[0]:g} to {window[1]:g} s"
-        )
-    means = integrals.mean()
+    if window is None:
+        bend = sheet["bend"].values[:, 0]
+        half = int(np.argmin(np.abs(bend - 0.5 * (bend[0] + bend[-1]))))
+        window = (float(sheet["time"][half]),) * 2
+    table = read_vortices(scene.out / "vortices_cfd.csv")
+    track = dominant_track(table, 0, window, scene.level)
+    means = track.loc[track["time"].between(*window), list(COMPARED)].mean()
     means["dorsal"] = dorsal_circulation(sheet, window)["of_water"].mean()
     return means
 
@@ -114,7 +68,7 @@ def _read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
     cells = record_of(scene)["cells"]
     table = np.genfromtxt(scene.out / "run" / "forces.csv", delimiter=",", names=True)
     with read_plane(scene.out / "sheet.h5") as sheet:
-        vortex = _mean_vortex(sheet, scene, window) if window else _tip_vortex(sheet, scene)
+        vortex = _tip_vortex(sheet, scene, window)
     flat, size = scene.model.kind == "2d", scene.tank.size[0] * scene.tank.water_depth
     if not flat:
         size *= scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)

@@ -65,10 +65,9 @@ def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
     assert " 1/frame; 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in told
     assert piv("animate", source, "-o", tmp_path / "a.gif") == 0
     assert piv("vortices", source, "-o", tmp_path / "v.csv") == 0
-    assert (
-        "3 vortices in 1 track; the strongest has a circulation of 600 px²/frame"
-        in capsys.readouterr().out
-    )
+    told = capsys.readouterr().out
+    assert "3 vortices in 1 track; the strongest has a circulation of 4" in told
+    assert "by a Lamb-Oseen fit 600 px²/frame in all" in told
 
 
 def test_a_single_export_is_drawn_as_it_is(tmp_path):
@@ -126,9 +125,8 @@ def test_calibrated_vectors_are_summed_up(series, tmp_path, capsys):
 @pytest.mark.parametrize(
     "words, message",
     [
-        ("vortices --gamma2 2", "gamma2 = 2"),
-        ("vortices --min-points -4", "min_points = -4"),
-        ("vortices --scheme best", "scheme = 'best'"),
+        ("vortices --least-part 2", "least_part = 2"),
+        ("vortices --scale -4", "scale = -4"),
         ("vortices --gate -1", "gate = -1"),
         ("vortices --threads 0", "threads must be at least 1"),
         ("plot --arrow-every 0", "--arrow-every"),

@@ -49,7 +49,7 @@ READERS = {
     "space": lambda s: space_spectrum(s, "x"),
     "picture": lambda s: vorticity(s.isel(time=0)),
     "continued": lambda s: PlaneField(s).plane(0),
-    "vortices": lambda s: tabulate_vortices(s)[["x", "y", "circulation", "core_radius"]],
+    "vortices": lambda s: tabulate_vortices(s)[["x", "y", "circulation", "radius"]],
     "compared": lambda s: field_sums(s, s),
     "frame": lambda s: frame(s, 0)[1],
 }
@@ -76,6 +76,6 @@ def test_uncertain_vectors_weigh_less_in_the_fit_of_a_vortex(unsure):
     plane = unsure.isel(time=0)
     wrong = plane.assign({n: xr.where(CORE, 1.1 * plane[n], plane[n]) for n in ("u", "v")})
     far = wrong.assign({n: xr.where(CORE, 10 * plane[n], plane[n]) for n in ("u_std", "v_std")})
-    misled, told = (find_vortices(p)[0].circulation for p in (wrong, far))
+    misled, told = (find_vortices(p)[0].circulation_fit for p in (wrong, far))
     assert told == pytest.approx(1e-3, rel=0.005)
     assert abs(misled - 1e-3) > 5e-5

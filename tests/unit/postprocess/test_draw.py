@@ -75,7 +75,7 @@ def test_no_mark_in_a_hole_of_the_vectors():
     plane["valid"][:, 10:14, 40:44] = 0
     hole = (float(plane["x"][42]), float(plane["y"][12]))
     water = (float(plane["x"][50]), float(plane["y"][12]))
-    row = {"time": [0.0, 0.1], "core_radius": 0.01, "circulation": 1e-3}
+    row = {"time": [0.0, 0.1], "radius": 0.01, "circulation": 1e-3}
     tracks = [
         pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in enumerate((hole, water))
     ]

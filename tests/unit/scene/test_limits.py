@@ -29,7 +29,7 @@ NONSENSE = [
     ("[camera]\nbits = 11", ["camera.bits", "8, 10, 12 or 16"]),
     ("[camera]\nframe_rate_hz = 1e9", ["camera.frame_rate_hz", "TB of disk", "frames"]),
     ("[piv]\nspacing = 100", ["piv.spacing = 100 px", "eight vectors", "at most 64"]),
-    ("[vortices]\nstencil_radius = 1.0", ["vortices.stencil_radius", "quarter of the picture"]),
+    ("[vortices]\nscale = 1.0", ["vortices.scale", "quarter of the picture"]),
     ("[numerics]\nwrite_interval = 1e-9", ["numerics.write_interval", "at least 0.002"]),
     ("[numerics]\ntime_step = 1e-12", ["numerics.time_step", "steps", "give at least"]),
     ("[mesh]\ntip_cell = 1e-6", ["mesh.tip_cell", "thousandth of the finger", "at least 1.45e-05"]),

@@ -8,7 +8,6 @@ import pytest
 from fileio.errors import StageError
 from tests.studies.validation.checks import Check, Result, write_result
 from tests.studies.validation.cylinders import cycle_of, history_integral, morison
-from tests.studies.validation.exact_fields import circulation_orders, disc_circulation, rankine
 from tests.studies.validation.ledger import read_results, write_ledger
 
 
@@ -78,11 +77,3 @@ def test_the_history_integral_of_a_constant_and_of_a_ramp():
     # ∫ dτ/√(t−τ) = 2√t and ∫ τ/√(t−τ) dτ = 4/3 t^1.5: the rule is exact for both
     assert history_integral(t, np.ones_like(t), 1.5) == pytest.approx(2 * np.sqrt(1.5), rel=1e-12)
     assert history_integral(t, t, 1.23) == pytest.approx(4 / 3 * 1.23**1.5, rel=1e-12)
-
-
-def test_exact_circulations_and_the_order_of_their_integrals():
-    outer, inner = (disc_circulation(rankine, (320.3, 255.6), radius) for radius in (100.0, 50.0))
-    assert outer == pytest.approx(inner)
-    orders = circulation_orders()
-    assert orders["contour"] == pytest.approx(4, abs=0.3)  # cubic interpolation
-    assert orders["area"] == pytest.approx(2, abs=0.3)  # central differences

@@ -48,9 +48,11 @@ def test_errors_of_known_size():
     other = reference.assign(fx=1.1 * reference["fx"], fy=1.1 * reference["fy"])
     assert force_error(reference, other) == pytest.approx(0.1, rel=1e-6)
     table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008})
+    table["peak_vorticity"] = -100.0
     moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
     errors = vortex_errors(table, moved, (0.1, 0.3), 0.02)
     assert errors["error_circulation"] == pytest.approx(0.1)
+    assert errors["error_peak_vorticity"] == 0.0
     assert errors["error_centre_mm"] == pytest.approx(5.0)
     # 5 mm of a tip of 20
     assert worst(errors | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}
