@@ -9,17 +9,12 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any, TypeVar
-
-import h5py
 
 from fileio.errors import one_line
 
-WALK_LIMIT = 3  # s of CPU time; walking a sound file takes milliseconds
 _READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
 _WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
 T = TypeVar("T")
@@ -96,38 +91,3 @@ def _read_and_exit(
         sender.send(answer)
     finally:
         os._exit(0)
-
-
-def check_walkable(path: str | Path) -> None:
-    """ValueError where the HDF5 library crashes or hangs on the file's structure."""
-    if not Path(path).is_file():
-        return
-    state = Path(path).stat()
-    try:
-        _walk_once(str(path), state.st_mtime_ns, state.st_size, state.st_ino)
-    except ChildProcessError:
-        raise ValueError(
-            f"{path}: damaged: the HDF5 library cannot get through its structure"
-        ) from None
-
-
-@lru_cache(maxsize=256)
-def _walk_once(path: str, *state: int) -> None:
-    """Walk a file in this state once: a stage opens the same file several times."""
-    read_in_child(_walk_file, path, cpu_limit=WALK_LIMIT)
-
-
-def _walk_file(path: str) -> None:
-    try:
-        with h5py.File(path, "r") as file:
-            _walk(file)
-            file.visititems(lambda _, item: _walk(item))
-    except Exception:
-        return  # the caller's own opening reports it
-
-
-def _walk(item: h5py.Group | h5py.Dataset) -> None:
-    for name in item.attrs:
-        item.attrs[name]
-    if isinstance(item, h5py.Dataset) and item.chunks is not None:
-        item.id.get_num_chunks()

@@ -1,8 +1,8 @@
 """HDF5 files on disks that may be full.
 
 The library crashes, at once or when the process ends, of a write that fails. It therefore writes
-through `Disk`, whose writes never fail: refused bytes stay in memory, and DiskFile's `flush` and
-`close` raise the error.
+through `Disk`, whose writes never fail: after a first failure they are dropped, and DiskFile's
+`flush` and `close` raise the error.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ class Disk(io.RawIOBase):
         self._position = 0
         self._end = os.fstat(self._descriptor).st_size
         self._reserved = 0
-        self._refused: list[tuple[int, bytes]] = []
         self._failure: BaseException | None = None
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
@@ -43,34 +42,26 @@ class Disk(io.RawIOBase):
         return self._position
 
     def readinto(self, buffer: Any) -> int:
-        """Bytes from the disk or from memory; zeros beyond the end."""
+        """Bytes from the disk; zeros beyond the end."""
         view = memoryview(buffer).cast("B")
-        start, size = self._position, len(view)
-        data = os.pread(self._descriptor, size, start)
+        data = os.pread(self._descriptor, len(view), self._position)
         view[: len(data)] = data
-        view[len(data) :] = bytes(size - len(data))
-        for offset, content in self._refused:
-            first, last = max(start, offset), min(start + size, offset + len(content))
-            if first < last:
-                view[first - start : last - start] = content[first - offset : last - offset]
-        self._position += size
-        return size
+        view[len(data) :] = bytes(len(view) - len(data))
+        self._position += len(view)
+        return len(view)
 
     def write(self, content: Any) -> int:
-        """Write at the position; from the first failure on in memory alone."""
-        view = memoryview(content).cast("B")
-        start, size = self._position, len(view)
+        """Write at the position, unless a write has failed."""
+        view, written = memoryview(content).cast("B"), 0
         try:
-            written = 0
-            while self._failure is None and written < size:
-                written += os.pwrite(self._descriptor, view[written:], start + written)
+            while self._failure is None and written < len(view):
+                at = self._position + written
+                written += os.pwrite(self._descriptor, view[written:], at)
         except (OSError, KeyboardInterrupt) as error:
             self._failure = error
-        if self._failure is not None:
-            self._refused.append((start, bytes(view)))
-        self._position = start + size
+        self._position += len(view)
         self._end = max(self._end, self._position)
-        return size
+        return len(view)
 
     def truncate(self, size: int | None = None) -> int:
         """Set the file's length."""

@@ -42,13 +42,14 @@ def write_record(out: Path, stage: str, about: dict[str, Any], outputs: list[Pat
     write_text(record_path(out, stage), json.dumps(record, indent=1) + "\n")
 
 
-def forget(out: Path, stage: str) -> None:
-    """Remove a stage's record, and the outputs that are not the recorded ones.
+def forget(out: Path, stage: str, digest: str) -> None:
+    """Remove a stage's record, and its outputs but those that were recorded with this digest.
 
-    A solver would otherwise resume from a damaged file.
+    A solver would otherwise resume from a damaged file, or one of another run.
     """
     if (record := read_record(out, stage)) is not None:
-        for name in changed_outputs(out, record):
+        same = record.get("digest") == digest
+        for name in changed_outputs(out, record) if same else record["outputs"]:
             (out / name).unlink(missing_ok=True)
     record_path(out, stage).unlink(missing_ok=True)
 
@@ -68,18 +69,19 @@ def changed_outputs(out: Path, record: dict[str, Any]) -> dict[str, str]:
     return changed
 
 
-def check_whole(path: str | Path, remedy: str = REMEDY) -> None:
-    """StageError where a record names the file and its content differs from the recorded one."""
+def check_whole(path: str | Path, remedy: str = REMEDY) -> bool:
+    """Whether a record names the file; StageError where its content is not the recorded one."""
     path = Path(os.path.abspath(path))
     if not path.is_file():
-        return
+        return False
     for out in path.parents[:_DEPTH]:
         if not (out / FOLDER).is_dir():
             continue
         known = _known(out, (out / FOLDER).stat().st_mtime_ns).get(path.relative_to(out).as_posix())
         if known is not None and _sum(path) != known:
             raise StageError(f"{path}: damaged or changed since it was written; {remedy}")
-        return
+        return known is not None
+    return False
 
 
 @lru_cache(maxsize=64)

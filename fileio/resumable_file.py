@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 
 from fileio.atomic import sync_file
-from fileio.child_process import check_walkable
 from fileio.errors import system_error
+from fileio.hdf5 import check_hdf5
 from fileio.hdf5_disk import DiskFile
 
 
@@ -44,10 +44,12 @@ class ResumableFile:
 
     def _continue(self) -> bool:
         """Open an unfinished file of this identity; False without one."""
+        if self.part.is_symlink():
+            self.part.unlink()  # its target is not ours
         if not self.part.exists():
             return False
         try:
-            check_walkable(self.part)
+            check_hdf5(self.part)
             self._file = DiskFile(self.part, "r+")
         except (OSError, ValueError):
             return False  # killed while the file was being created

@@ -9,11 +9,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fileio.child_process import check_walkable
 from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
+from fileio.hdf5 import open_hdf5
 from fileio.provenance import check_version
-from fileio.record import check_whole
 from fileio.resumable_file import ResumableFile
 from fileio.schema import Schema, variables
 
@@ -54,14 +53,7 @@ def open_recording_file(path: Path) -> h5py.File:
 
     FileNotFoundError or ValueError where it is missing, damaged, incomplete or another format.
     """
-    check_whole(path)
-    check_walkable(path)
-    try:
-        file = h5py.File(path, "r")
-    except FileNotFoundError:
-        raise FileNotFoundError(f"{path}: no such file") from None
-    except OSError as error:
-        raise ValueError(f"{path}: not a readable HDF5 file ({one_line(error)})") from error
+    file = open_hdf5(path)
     try:
         check_version(file.attrs, path, SCHEMA.format, SCHEMA.version, SCHEMA.remedy)
         for variable in SCHEMA.root:

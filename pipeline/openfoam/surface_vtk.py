@@ -92,7 +92,7 @@ def read_surface(path: Path) -> pv.PolyData:
             f"{path}: missing or cut off, as by a full disk; run make again: the solver resumes"
             " before that time"
         )
-    check_whole(path, "run make again: the solver resumes before that time")
+    check_whole(path, "delete it and run make again: the solver resumes before that time")
     return cast(pv.PolyData, pv.read(path))
 
 

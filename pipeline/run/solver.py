@@ -168,6 +168,7 @@ def solve(
         if interval.moving:
             reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
         ranks.announce(case, name)
+    guard.time = start
     drop_tables(case, start)
     set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
     clock = time.monotonic()

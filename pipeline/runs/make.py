@@ -139,7 +139,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about: dict[str, Any] = {"scene": run.scene.name, "level": run.scene.level}
         about["digest"] = run.digest(stage)
         about |= {"made_from": run.made_from(stage), "versions": versions()}
-        forget(run.out, stage)
+        forget(run.out, stage, about["digest"])
         earlier = _call(run, step, machine, quiet) or Spent()
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)

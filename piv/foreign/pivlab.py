@@ -14,6 +14,7 @@ from scipy.io.matlab import matfile_version
 
 from fileio.child_process import read_in_child
 from fileio.errors import one_line
+from fileio.hdf5 import check_hdf5
 
 VECTORS = ("u", "v", "typevector")
 NAMES = ("x", "y", "units", *(f"{n}_{end}" for n in VECTORS for end in ("original", "filtered")))
@@ -27,7 +28,9 @@ def instants(path: Path) -> list[Instant]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:
-        session = read_in_child(_hdf5_session if h5py.is_hdf5(path) else _mat5_session, str(path))
+        if new := h5py.is_hdf5(path):
+            check_hdf5(path)
+        session = read_in_child(_hdf5_session if new else _mat5_session, str(path))
     except Exception as error:  # scipy and HDF5 raise whatever their parts raise on foreign bytes
         raise ValueError(
             f"{path}: damaged, or not a .mat export of PIVlab ({one_line(error, 200)})"

@@ -165,16 +165,18 @@ def _tiff_pages(path: Path) -> int:
         link = head[8:16] if big else head[4:8]
         seen: set[int] = set()
         while (offset := struct.unpack(link_code, link)[0]) != 0:
+            if offset > size:
+                raise broken
             file.seek(offset)
             number = file.read(count_size)
             if offset in seen or len(number) < count_size:
                 raise broken
             seen.add(offset)
             end = offset + count_size + struct.unpack(count_code, number)[0] * entry
+            if end + link_size > size:
+                raise broken
             file.seek(end)
             link = file.read(link_size)
-            if end + link_size > size or len(link) < link_size:
-                raise broken
     if not seen:
         raise broken
     return len(seen)

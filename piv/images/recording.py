@@ -65,6 +65,12 @@ class Recording:
                 f"{self.name}: frame {i} is outside the recording's {self.count} frames"
             )
         image = self._read(i)
+        if image.size > LARGEST_CHUNK:
+            raise ValueError(
+                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px are more than PIV"
+                f" takes, {LARGEST_CHUNK / 1e6:.0f} million; cut the pictures to the part of"
+                " interest, or make them smaller"
+            )
         if self._shape is None:
             self._shape = (image.shape[0], image.shape[1])
             self.attrs.setdefault("bits", 8 * image.dtype.itemsize)

@@ -14,6 +14,7 @@ import numpy as np
 
 from fileio.formats.plane_series import FINGER_VARIABLES
 from fileio.formats.resumable import FIELDS, SeriesWriter
+from fileio.hdf5 import open_hdf5
 from fileio.json_text import parse_json
 
 BLOCK = 1000  # fields' finger variables in memory at a time
@@ -105,7 +106,7 @@ def join(parts: list[Path], output: str | Path) -> Path:
     times = []
     for number, path in enumerate(parts, 1):
         again = f"remove it and {_made_by(number, len(parts))}"
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             if "chunk" not in file.attrs:
                 raise ValueError(
                     f"{path}: not a chunk of a series (attribute 'chunk' is missing); {again}"

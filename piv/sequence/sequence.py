@@ -20,6 +20,7 @@ from fileio.formats.recording import CAMERA, pixel_of
 from fileio.formats.resumable import SeriesWriter
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
+from piv.correlation.pair_images import check_images
 from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import pairs
 from piv.images.preprocess import Preprocessor
@@ -129,6 +130,11 @@ def correlate_recording(
     chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
     """
     sequence = sequence.of(recording)
+    image = recording.frame(0)
+    try:
+        check_images([image], options.window)
+    except ValueError as error:
+        raise ValueError(f"{recording.name}: {error}") from None
     sets = _frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if chunk and part:

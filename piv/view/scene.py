@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import h5py
 import numpy as np
 import xarray as xr
 
-from fileio.child_process import check_walkable
 from fileio.formats.plane_series import check_vectors, usable
 from fileio.formats.recording import pixel_of
+from fileio.hdf5 import open_hdf5
 from piv.foreign.read import open_vectors
 from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import open_recording
@@ -136,8 +135,7 @@ def open_scene(source: Sequence[str], images: Sequence[str] | None = None) -> Sc
     path = Path(source[0])
     vectors = path.suffix.lower() in VECTOR_SUFFIXES
     if path.suffix.lower() == ".h5" and path.is_file():
-        check_walkable(path)
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path) as file:
             vectors = file.attrs.get("format") != "recording"
     if not vectors:
         if images is not None:

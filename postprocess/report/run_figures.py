@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import xarray as xr
 
+from fileio.formats.recording import open_recording_file
 from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
@@ -81,7 +81,7 @@ def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, in
 
 def camera_picture(album: Album, recording: Path, time: float) -> None:
     """What the camera sees nearest to `time` (s)."""
-    with h5py.File(recording, "r") as file:
+    with open_recording_file(recording) as file:
         index = int(np.argmin(np.abs(file["time"][:] - time)))
         image, at = file["frames"][index].astype(float), float(file["time"][index])
     grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255

@@ -15,14 +15,21 @@ from fileio.errors import StageError
 from pipeline.run import guards
 from pipeline.run import stage as run_stage
 from pipeline.scene.scene import Scene, load_scene
+from tests.conftest import ROOT
 from tests.inner_make import inner_environment
-from tests.studies.faults.project import copy_project
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project without results."""
-    return copy_project(tmp_path_factory.mktemp("project"))
+    """A copy of the project without results, linked to this environment."""
+    folder = tmp_path_factory.mktemp("project")
+    for name in ("Makefile", "requirements.lock", "pyproject.toml"):
+        shutil.copy2(ROOT / name, folder / name)
+    for name in ("cases", "fileio", "pipeline", "piv", "postprocess"):  # with numba's cache
+        ignored = shutil.ignore_patterns("out", ".snakemake")
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+    (folder / ".venv").symlink_to(ROOT / ".venv")
+    return folder
 
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:

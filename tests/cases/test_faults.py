@@ -1,14 +1,15 @@
 """Small `make faults` and tests.studies.stability: kills, two makes, full disk; endings."""
 
+import os
 import shutil
 
 import pytest
 
+from fileio.record import record_path
 from pipeline.runs.make import Machine
 from pipeline.study.outcome import write_outcome
-from tests.studies.faults.conditions import disks, twice
-from tests.studies.faults.kill import kills_in
-from tests.studies.faults.project import SCENE, copy_project, make, out_of
+from tests.studies.faults.campaign import Campaign, disks, kills, swapped, twice
+from tests.studies.faults.project import small_run
 from tests.studies.stability import images
 from tests.studies.stability.solver import result
 
@@ -20,35 +21,50 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory):
-    """A solved copy of the project, the files of its stages, and a folder for logs."""
-    folder = tmp_path_factory.mktemp("faults")
-    project, wanted = copy_project(folder / "project"), folder / "wanted"
-    done = make(project, f"{SCENE}.run")
-    assert done.returncode == 0, done.stderr[-2000:]
-    shutil.copytree(out_of(project), wanted)
-    return project, wanted, folder
+    """An undisturbed small run up to the sheet, and its state before each stage."""
+    return Campaign(tmp_path_factory.mktemp("faults"), "sheet")
 
 
 @pytest.mark.parametrize("stage", ["mesh", "run"])
 def test_make_goes_on_after_kills_and_gives_the_same_result(solved, stage):
-    project, wanted, folder = solved
-    row = kills_in(project, wanted, stage, 4.0, 2, stage, folder / "log")
-    assert row["difference"] == ""
-    assert row["kills"] == 2
+    row = kills(solved, stage, 2, 1)
+    assert (row["wrong"], row["times"]) == (0, 2), row
 
 
 def test_two_makes_at_once_keep_the_files_intact(solved):
-    row = next(iter(twice(*solved, ["mesh"])))
-    assert row["ended"] in ("completed", "refused")
-    assert row["afterwards"] == "as undisturbed"
+    row = twice(solved, "mesh")
+    assert row["wrong"] == 0, row
 
 
 def test_a_full_and_a_read_only_disk_give_one_sentence(solved):
-    for row in disks(*solved, ["mesh"]):
-        if str(row["ended"]).startswith("not tried"):
-            pytest.skip(str(row["ended"]))
-        assert row["ended"] == "refused", row
-        assert row["afterwards"] == "as undisturbed"
+    try:
+        rows = list(disks(solved, ["mesh"]))
+    except PermissionError as error:
+        pytest.skip(str(error))
+    assert [(row["refused"], row["wrong"]) for row in rows] == 3 * [(1, 0)], rows
+
+
+def test_a_sampled_plane_that_was_zeroed_is_refused_and_then_made_again(solved):
+    """Of the same size and time, so that no stage before it is stale."""
+    solved.restore(solved.wanted)
+    path = max(solved.out.glob("case/*/postProcessing/sheetSurface/*/sheet.vtk"))
+    content, state = path.read_bytes(), path.stat()
+    middle = len(content) // 2
+    path.write_bytes(content[:middle] + bytes(1200) + content[middle + 1200 :])
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+    record_path(solved.out, "sheet").unlink()
+    code, sentence = solved.make("sheet").answer()
+    assert code == 2
+    assert f"{path}: damaged or changed since it was written; delete it and run make" in sentence
+    path.unlink()
+    assert solved.again("sheet") == ""
+
+
+def test_a_foreign_result_with_its_record_is_made_again(solved):
+    other = small_run(solved.folder / "other" / "small", pressure=14.0)
+    assert solved.make("kinematics", other).answer() == (0, "")
+    rows = list(swapped(solved, other.out, "another scene", ["kinematics"], ["mesh"]))
+    assert [(row["recomputed"], row["wrong"]) for row in rows] == [(1, 0)], rows
 
 
 TINY = {
@@ -71,7 +87,7 @@ BEYOND = {"motion.strokes": [{"pressure_kpa": 90.0, "start": 0.0, "duration": 0.
     ],
 )
 def test_a_run_ends_in_one_of_three_ways(solved, tmp_path, changes, ended, words):
-    scene = str(solved[0] / "cases" / SCENE)
+    scene = str(solved.run.scene.folder)
     planned = {"run": "axis_", "axis": "axis", "value": "", "level": "tiny", "ranks": 1,
                "compared_ranks": None}  # fmt: skip
     planned |= {"overrides": TINY | changes, "folder": scene, "out": str(tmp_path), "until": "run"}

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-import h5py
 import numpy as np
 
+from fileio.hdf5 import open_hdf5
 from fileio.key_reference import toml_value
 from piv.images.masks import dark_body
 from piv.images.open_recording import (
@@ -52,7 +52,7 @@ def seen_in(folder: Path) -> dict[str, str]:
 
 def _holds_vectors(path: Path) -> bool:
     """Whether an HDF5 file is a plane series (u and v), not a recording."""
-    with h5py.File(path, "r") as file:
+    with open_hdf5(path) as file:
         return "u" in file and "v" in file
 
 

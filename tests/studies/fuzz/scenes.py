@@ -1,6 +1,6 @@
-"""Scenes drawn from the models' own types: each must be accepted, or refused in one sentence.
+"""Scenes drawn from the models' own types: refused in one sentence, or made up to the case.
 
-python -m tests.studies.fuzz.scenes [--examples 2000] [--table docs/stability/scenes.csv]
+python -m tests.studies.fuzz.scenes --table docs/stability/scenes.csv
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shutil
 import tempfile
 import time
 import traceback
@@ -15,17 +16,22 @@ import types
 import typing
 import warnings
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from fileio.atomic import write_text
 from fileio.errors import StageError
+from pipeline import case
 from pipeline.kinematics import stage as kinematics
+from pipeline.mesh import stage as mesh
+from pipeline.run import stage as solver
 from pipeline.scene.limits import MAX_CELLS, MAX_CPU, MAX_DISK
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.predicted import predicted
@@ -34,6 +40,10 @@ from pipeline.scene.scene import Scene, load_scene
 CASES = Path(__file__).resolve().parents[3] / "cases"
 PARENTS = ("single_finger", "pinch")
 NOT_DRAWN = {"name", "level", "folder", "actuator", "fea", "body"}
+BOUND = {"time_step", "rate_hz", "end_time", "length"}  # to each other, or to the states
+STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": solver.run}
+STAGES = list(STAGE_OF)
+PART = 50  # scenes in a process
 LONGEST = 10.0  # s
 LONGEST_SENTENCE = 700  # characters
 FAR = [
@@ -116,6 +126,22 @@ def scenes(draw: st.DrawFn) -> tuple[str, Table]:
     return draw(st.sampled_from(PARENTS)), table
 
 
+@st.composite
+def ordinary_scenes(draw: st.DrawFn) -> tuple[str, Table]:
+    """A shipped scene, and one to three numbers of it up to a tenth larger or smaller."""
+    parent, table = draw(st.sampled_from(PARENTS)), Table()
+    shipped = load_scene(CASES / parent, "smoke").model_dump()
+    known = [
+        (section, key)
+        for section, key, _ in _keys()
+        if isinstance((shipped[section] or {}).get(key), float) and key not in BOUND
+    ]
+    for section, key in draw(st.lists(st.sampled_from(known), min_size=1, max_size=3, unique=True)):
+        factor = draw(st.sampled_from([0.9, 0.95, 1.05, 1.1]))
+        table.setdefault(section, {})[key] = shipped[section][key] * factor
+    return parent, table
+
+
 def _toml(value: Any) -> str:
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
@@ -134,13 +160,14 @@ def _scene_text(parent: str, table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _outcome(text: str, folder: Path) -> str:
-    """`accepted`, `warned` or `refused` at level smoke by its numbers and kinematics.
+def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
+    """`accepted`, `warned`, `refused` or `stopped` by the solver, and the sentence that says why.
 
-    AssertionError where the scene is too large, too slow, or ends in another way.
+    AssertionError where a scene is too large, refused after too long, or ends in another way.
     """
+    shutil.rmtree(folder, ignore_errors=True)
     write_text(folder / "scene.toml", text)
-    begin = time.process_time()
+    begin, stage = time.process_time(), STAGES[0]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
@@ -148,36 +175,52 @@ def _outcome(text: str, folder: Path) -> str:
             if scene.camera.centre is not None:
                 render_settings(scene.camera, scene.sheet)
             piv_settings(scene.piv, scene.camera)
-            kinematics.run(scene, quiet=True)
-        size, sentences = predicted(scene), scene.remarks()
-        assert size.cells <= MAX_CELLS, size
-        assert size.disk <= MAX_DISK, size
-        assert size.cpu <= MAX_CPU, size
+            size, sentences = predicted(scene), scene.remarks()
+            assert size.cells <= MAX_CELLS, size
+            assert size.disk <= MAX_DISK, size
+            assert size.cpu <= MAX_CPU, size
+            for stage in STAGES[: STAGES.index(until) + 1]:
+                STAGE_OF[stage](scene, quiet=True)
         result = "warned" if sentences else "accepted"
     except (StageError, OSError) as error:
-        sentences, result = [str(error)], "refused"
+        sentences, result = [str(error)], "stopped" if stage == "run" else "refused"
     except AssertionError:
         raise
     except BaseException as error:
         raise AssertionError(f"{text}\n{''.join(traceback.format_exception(error))}") from None
     took = time.process_time() - begin
-    assert took < LONGEST, f"{text}\n{took:.0f} s: {sentences}"
+    assert took < LONGEST or result != "refused", f"{text}\n{took:.0f} s: {sentences}"
     for sentence in sentences:
         assert "\n" not in sentence, f"{text}\n{sentence}"
         assert len(sentence) < LONGEST_SENTENCE, f"{text}\n{sentence}"
-    return result
+    later = result == "refused" and stage not in STAGES[:1]
+    return f"{result} by the mesh" if later else result, "; ".join(sentences)
 
 
-def count_outcomes(examples: int) -> Counter[str]:
-    """Count the outcomes of drawn scenes, the same each time; AssertionError at a fault."""
+def count_outcomes(
+    examples: int, first: int = 0, until: str = "kinematics", inside: bool = False
+) -> Counter[str]:
+    """Count the outcomes of drawn scenes of the seed `first`, the same each time.
+
+    `inside`: ordinary scenes. Each that ends in another way is printed and counted as a fault.
+    """
     counts: Counter[str] = Counter()
-    options = {"max_examples": examples, "database": None, "derandomize": True, "deadline": None}
+    options = {"max_examples": examples, "database": None, "deadline": None}
+    options |= {"phases": [Phase.generate], "suppress_health_check": list(HealthCheck)}
     with tempfile.TemporaryDirectory() as folder:
 
-        @settings(**options, suppress_health_check=list(HealthCheck))
-        @given(scenes())
+        @seed(first)
+        @settings(**options)
+        @given(ordinary_scenes() if inside else scenes())
         def each(scene: tuple[str, Table]) -> None:
-            counts[_outcome(_scene_text(*scene), Path(folder) / "scene")] += 1
+            text = _scene_text(*scene)
+            try:
+                outcome, why = _outcome(text, Path(folder) / "scene", until)
+            except AssertionError as error:
+                outcome, why = "fault", str(error)
+            counts[outcome] += 1
+            if outcome not in ("accepted", "warned", "refused") or (inside and why):
+                print(f"{outcome}: {text}{why}\n", flush=True)
 
         each()
     return counts
@@ -186,12 +229,26 @@ def count_outcomes(examples: int) -> Counter[str]:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--examples", type=int, default=2000)
+    parser.add_argument("--examples", type=int, default=2000, help="far and near (%(default)s)")
+    parser.add_argument("--ordinary", type=int, default=200, help="well inside (%(default)s)")
+    parser.add_argument("--solved", type=int, default=100, help="of all, by the solver too")
     parser.add_argument("--table", type=Path, help="CSV to write")
     args = parser.parse_args()
-    counts = count_outcomes(args.examples)
-    rows = ["outcome,scenes", *(f"{name},{count}" for name, count in sorted(counts.items()))]
-    print("\n".join(rows))
+    works, rows = [], ["scenes,outcome,count"]
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        for name, number, until, inside in (
+            ("drawn", args.examples, "case", False), ("ordinary", args.ordinary, "case", True),
+            ("solved", args.solved, "run", True),
+        ):  # fmt: skip
+            parts = [
+                pool.submit(count_outcomes, min(PART, number - k), k, until, inside)
+                for k in range(0, number, PART)
+            ]
+            works.append((name, parts))
+        for name, parts in works:
+            counts = sum((part.result() for part in parts), Counter())
+            rows += [f"{name},{outcome},{count}" for outcome, count in sorted(counts.items())]
+            print("\n".join(rows), flush=True)
     if args.table:
         write_text(args.table, "\n".join(rows) + "\n")
 

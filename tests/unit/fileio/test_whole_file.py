@@ -102,8 +102,6 @@ def test_hdf5_never_meets_a_full_disk(tmp_path, room, size):
             )
             for k in range(40):
                 data[k] = np.random.default_rng(k).random((32, 32))
-            # refused bytes are read from memory
-            assert data[3, 0, 0] == np.random.default_rng(3).random()
 
     with pytest.raises(OSError, match=r"No space|quota") as caught:
         fill()

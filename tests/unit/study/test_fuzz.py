@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from fileio import child_process
-from fileio.child_process import check_walkable
+from fileio import hdf5
+from fileio.hdf5 import check_hdf5
 from tests.studies.fuzz.mutate import damaged
 from tests.studies.fuzz.scenes import count_outcomes
 from tests.studies.fuzz.targets import TARGETS, check, named
@@ -37,18 +37,18 @@ def test_a_file_that_the_library_never_finishes_is_refused(tmp_path, monkeypatch
     """The loop is put in by hand: which damaged files loop depends on the version of HDF5."""
     content, path = named("images.h5").seeds(tmp_path)[0], tmp_path / "a.h5"
     path.write_bytes(content)
-    check_walkable(path)
+    check_hdf5(path)
 
     def loop(_):
         while True:
             pass
 
-    monkeypatch.setattr(child_process, "_walk", loop)
-    monkeypatch.setattr(child_process, "WALK_LIMIT", 1)
-    check_walkable(path)  # an unchanged file is not walked again
+    monkeypatch.setattr(hdf5, "_walk", loop)
+    monkeypatch.setattr(hdf5, "WALK_LIMIT", 1)
+    check_hdf5(path)  # an unchanged file is not walked again
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"a\.h5: damaged"):
-        check_walkable(path)
+        check_hdf5(path)
 
 
 def test_drawn_scenes_are_accepted_or_refused_in_one_sentence():
