@@ -69,8 +69,8 @@ def has_jobs(plan: Path) -> bool:
 
 def clear_records(plan: Path) -> None:
     """Remove the stale records of a plan: Snakemake makes what is missing."""
-    for record in STUDY_PLAN.read(plan)["jobs"]:
-        forget(Path(record).parents[1], Path(record).stem)
+    for record, job in STUDY_PLAN.read(plan)["jobs"].items():
+        forget(Path(record).parents[1], Path(record).stem, job["digest"])
 
 
 def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = False) -> None:

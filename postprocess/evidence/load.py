@@ -10,6 +10,7 @@ import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
+from pipeline.runs.run import open_run
 from pipeline.scene.scene import Scene
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
@@ -79,20 +80,20 @@ def single_finger(pinch: Scene) -> tuple[dict[str, pd.DataFrame], str]:
     if not pinch.parents:
         return {}, "the scene extends no scene of a single finger, so nothing is compared with one"
     folder, level = pinch.parents[-1], pinch.level
-    beside = folder / "out" / level
-    sheet = beside / "sheet.h5"
+    alone = open_run(folder, level)
     tables = {}
     for source in FILES:
-        path = beside / f"vortices_{source}.csv"
-        if path.exists() and sheet.exists():
-            table = tracks.read_vortices(path)
-            with read_plane(sheet) as plane:
+        # a stale table is that of another motion
+        if not alone.why_stale(f"vortices_{source}") and not alone.why_stale("sheet"):
+            table = tracks.read_vortices(alone.path(f"vortices_{source}"))
+            with read_plane(alone.path("sheet")) as plane:
                 bend = np.interp(table["time"], plane["time"].values, plane["bend"].values[:, 0])
             tables[source] = table.assign(bend=bend)
     absent = (
-        f"no PIV of the single finger at level {level} was made, so PIV is not compared with it"
+        f"no PIV of the single finger at level {level} is made, so PIV is not compared with it"
         if tables
-        else f"the single finger at level {level} was not run, so nothing is compared with it"
+        else f"the single finger at level {level} was not run as it is, so nothing is compared"
+        " with it"
     )
     return tables, f"{absent}: make {folder.name} LEVEL={level}"
 

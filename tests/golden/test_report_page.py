@@ -237,7 +237,7 @@ def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
     check = next(c for c in result(pinched)["checks"] if c["id"] == "pair-forward")
     assert check["met"] is None
     assert check["notes"] == [
-        "the single finger at level coarse was not run, so nothing is compared with it:"
+        "the single finger at level coarse was not run as it is, so nothing is compared with it:"
         " make single_finger LEVEL=coarse"
     ]
 

@@ -30,7 +30,6 @@ from pipeline.runs.make import Machine, make, make_stage
 from pipeline.runs.run import Run, targets
 from pipeline.runs.stages import BY_NAME, STAGES
 from piv.__main__ import main as piv
-from tests.damage import WAYS, damage
 from tests.studies.faults.project import difference, files_of, small_run
 
 TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # in order
@@ -56,6 +55,26 @@ READ = {  # files of earlier stages than those that a stage names as its inputs
     "case": ("kinematics.h5",), "run": ("kinematics.h5", "planform.h5", "mesh_quality.csv"),
     "sheet": ("kinematics.h5", "planform.h5"), "loads": ("kinematics.h5", "planform.h5"),
 }  # fmt: skip
+
+
+WAYS: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda content: b"",
+    "cut in half": lambda content: content[: len(content) // 2],
+    "its first 20 bytes": lambda content: content[:20],
+    "last byte missing": lambda content: content[:-1],
+    "first byte missing": lambda content: content[1:],
+    "a line more": lambda content: content + b"99\n",
+    "a bit flipped": lambda c: _put(c, len(c) // 2, bytes([c[len(c) // 2] ^ 1])),
+    "a block of zeros": lambda c: _put(c, len(c) // 3, bytes(len(c) // 9 + 1)),
+    "zeros": lambda content: bytes(len(content)),
+    "halves exchanged": lambda content: content[len(content) // 2 :] + content[: len(content) // 2],
+    "noise": lambda content: np.random.default_rng(1).bytes(len(content)),
+    "another format": lambda content: b"no such thing\n" * 9,
+}
+
+
+def _put(content: bytes, at: int, part: bytes) -> bytes:
+    return content[:at] + part + content[at + len(part) :]
 
 
 class Work:
@@ -309,7 +328,7 @@ def _damaged(run: Run, stage: str, path: Path, way: str) -> str:
     kept = record.read_bytes()
     record.unlink()
     try:
-        damage(path, way)
+        path.write_bytes(WAYS[way](content))
         os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
         make_stage(run, stage, Machine(), quiet=True)
     finally:

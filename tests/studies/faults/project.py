@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import h5py
@@ -11,30 +10,26 @@ import numpy as np
 
 from fileio.record import read_record
 from pipeline.runs.run import Run, open_run, targets
+from tests.conftest import write_scene
 
-ROOT = Path(__file__).resolve().parents[3]
-SMALL = """# A stroke of 60 ms in 2-D on a coarse mesh.
-extends = "{parent}"
+SMALL = """
 title = "Small"
 [motion]
 strokes = [{{ pressure_kpa = {pressure}, start = 0.002, duration = 0.05 }}]
 end_time = 0.06
-[levels.tiny]
-model = {{ kind = "2d" }}
-numerics = {{ time_step = 1e-3, write_interval = 0.01, non_orthogonal_correctors = 0 }}
-sheet = {{ spacing = 2e-3 }}
-camera = {{ columns = 320, rows = 256, centre = [0.01, 0.185], truth = true }}
-piv = {{ every = 2, preset = "fast" }}
-[levels.tiny.mesh]
-wall_cell = 3.5e-3
-wall_first_layer = 1.2e-3
-wall_layers = 2
-tip_cell = 2.2e-3
-near_cell = 5e-3
-near_distance = 0.01
-far_cell = 0.05
+[sheet]
+spacing = 2e-3
+[camera]
+columns = 320
+rows = 256
+centre = [0.01, 0.185]
+truth = true
+[piv]
+every = 2
+preset = "fast"
 [levels.other]
 extends = "tiny"
+fluid = {{ density = 1000.0 }}
 mesh = {{ near_cell = 4.5e-3 }}
 motion = {{ max_bend_step_deg = 4.0 }}
 sheet = {{ spacing = 2.1e-3 }}
@@ -47,12 +42,9 @@ SPENT = ("wall_time", "resumed")  # numbers of a run that a resumed one does not
 
 
 def small_run(folder: Path, level: str = "tiny", pressure: float = 12.0) -> Run:
-    """The run of a small scene in `folder`; without results where the folder is new."""
-    reference = ROOT / "cases" / "single_finger"
+    """The run of a stroke of 60 ms in 2-D; without results where the folder is new."""
     if not folder.exists():
-        shutil.copytree(reference / "reference", folder / "reference")
-        text = SMALL.format(parent=reference, pressure=pressure)
-        (folder / "scene.toml").write_text(text, encoding="utf-8")
+        write_scene(folder, more=SMALL.format(pressure=pressure))
     return open_run(folder, level)
 
 

@@ -155,6 +155,7 @@ def _toml(value: Any) -> str:
 def _scene_text(parent: str, table: Table) -> str:
     """The scene.toml of a drawn scene, whose values hold at every level."""
     lines = [f"extends = {json.dumps(str(CASES / parent))}"]
+    table = table | {"motion": {"max_bend_step_deg": 15.0} | table.get("motion", {})}  # few meshes
     for section, values in table.items():
         lines += [f"[{section}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
     return "\n".join(lines) + "\n"

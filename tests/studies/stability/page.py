@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from fileio.atomic import whole, write_text
 from pipeline.study.rows import read_study
-from tests.damage import WAYS
+from tests.studies.faults.campaign import WAYS
 
 matplotlib.rcParams["svg.hashsalt"] = "softfinger"  # equal pictures give equal files
 
@@ -154,40 +154,59 @@ def images_part(rows: list[Row]) -> list[str]:
 
 
 def faults_part(folder: Path) -> list[str]:
-    """Text of kills, conditions, fuzz, drawn scenes and damaged inputs."""
-    names = ("stage_kills", "faults", "fuzz", "scenes", "damaged")
-    kills, faults, fuzz, scenes, damaged = (read_rows(folder / f"{n}.csv")[1] for n in names)
-    bad = [row for row in kills if row["difference"]]
-    kinds = Counter(row["ended"] for row in faults)
+    """Text of faults of the machine and of files, fuzz and drawn scenes."""
+    names = ("faults", "fuzz", "scenes")
+    faults, fuzz, scenes = (read_rows(folder / f"{n}.csv")[1] for n in names)
     inputs, broken = (sum(int(row[key]) for row in fuzz) for key in ("inputs", "faults"))
-    outcomes = {row["outcome"]: int(row["scenes"]) for row in scenes}
-    ways, refused = (sum(int(row[key]) for row in damaged) for key in ("ways", "refused"))
     return [
-        "## Kills in each stage (`make faults`)\n",
-        f"kill -9 of make and all it has started, {sum(int(row['kills']) for row in kills)} times"
-        f" in {len(kills)} stages, at random times and just after a stage has begun to write; then"
-        " make goes on and ends with what an undisturbed run ends with: bit by bit, the solver's"
-        f" tables at least within 1e-6. {f'{len(bad)} did not.' if bad else 'All did.'} By stage:"
-        " [stage_kills.csv](stability/stage_kills.csv). Whole runs that were killed eight times in"
-        " succession: [record](record/studies.md).\n",
-        *(f"- {row['stage']}: {row['difference']}" for row in bad),
-        "## Disks, paths, OpenFOAM, two makes (`make faults`)\n",
-        f"{len(faults)} conditions: {', '.join(f'{n} {kind}' for kind, n in kinds.items())}. Each"
-        " with its error message and the result once the condition is over:"
-        " [faults.csv](stability/faults.csv).\n",
+        "## Kills, disks, damaged and foreign files (`make faults`)\n",
+        "Each fault meets every stage of a small run with all its files. A stage completes, or it"
+        " is refused in one sentence; one more make then ends with what an undisturbed run ends"
+        " with, bit by bit, the solver's tables at least within 1e-6. A killed make is kill -9 of"
+        " it and all it has started, at random times and just after a stage begins to write."
+        f" Damaged inputs ({', '.join(WAYS)}) keep their time, so that only their content tells."
+        " Inputs of another scene or level come whole, with their record; they are made again."
+        " Each row with its sentence: [faults.csv](stability/faults.csv).\n",
+        fault_table(faults),
         "## Fuzz of the readers\n",
         f"{inputs} damaged files in {len(fuzz)} readers, {broken} faults: each other was read or"
         " refused with one sentence. By reader: [fuzz.csv](stability/fuzz.csv).\n",
         "## Drawn scenes\n",
-        f"{sum(outcomes.values())} scenes with one to three numbers drawn from the models' own"
-        " types, at the edges of what is allowed and far outside, at level smoke:"
-        f" {', '.join(f'{n} {kind}' for kind, n in outcomes.items())}; none ended in a traceback,"
-        " and none took ten seconds of CPU time to be judged.\n",
-        "## Damaged inputs (`make faults`)\n",
-        f"Every input of every stage of a finished run, each damaged in {damaged[0]['ways']} ways"
-        f" ({', '.join(WAYS)}): {refused} of {ways} were refused in one sentence that names the"
-        " file; none was used. By stage and input: [damaged.csv](stability/damaged.csv).\n",
+        "Scenes of level smoke. Drawn: one to three numbers from the models' own types, at the"
+        " edges of what is allowed and far outside, made up to the case. Ordinary: one to three"
+        " numbers of a shipped scene a tenth larger or smaller. Solved: such scenes through the"
+        " solver. A refusal is one sentence within ten seconds of CPU time.\n",
+        "| scenes | " + " | ".join(sorted({row["outcome"] for row in scenes})) + " |",
+        "|---" * (1 + len({row["outcome"] for row in scenes})) + "|",
+        *scene_lines(scenes),
+        "",
     ]
+
+
+def scene_lines(rows: list[Row]) -> list[str]:
+    """The outcomes of each kind of drawn scenes, as lines of a table."""
+    number = {(row["scenes"], row["outcome"]): row["count"] for row in rows}
+    outcomes = sorted({row["outcome"] for row in rows})
+    return [
+        f"| {kind} | " + " | ".join(number.get((kind, outcome), "0") for outcome in outcomes) + " |"
+        for kind in dict.fromkeys(row["scenes"] for row in rows)
+    ]
+
+
+def fault_table(rows: list[Row]) -> str:
+    """The faults by kind: in how many stages, how often, and how they ended."""
+    kinds: dict[str, list[Row]] = {}
+    for row in rows:
+        fault = row["fault"]
+        kind = next((f"input {k}" for k in ("damaged", "of another") if k in fault), fault)
+        kinds.setdefault(kind.replace("another", "another scene or level"), []).append(row)
+    ends = ("times", "completed", "refused", "recomputed", "wrong")
+    lines = [f"| fault | stages | {' | '.join(ends)} |", "|---" * (2 + len(ends)) + "|"]
+    for kind, those in kinds.items():
+        numbers = [len({row["stage"] for row in those})]
+        numbers += [sum(int(row[end]) for row in those) for end in ends]
+        lines.append(f"| {kind} | {' | '.join(map(str, numbers))} |")
+    return "\n".join(lines) + "\n"
 
 
 def write(docs: Path) -> None:

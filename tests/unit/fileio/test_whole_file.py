@@ -192,3 +192,15 @@ def test_a_folder_is_not_replaced_and_no_part_is_left(tmp_path):
     with pytest.raises(StageError, match="is no file but a folder"):
         write_text(tmp_path / "folder", "x")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder"]
+
+
+def test_a_link_in_the_place_of_an_unfinished_file_is_not_followed(tmp_path):
+    other = tmp_path / "other"
+    other.write_text("another's")
+    for name in ("a.csv", "a.h5"):
+        (tmp_path / f"{name}.part").symlink_to(other)
+    write_text(tmp_path / "a.csv", "mine")
+    with recorder(tmp_path / "a.h5") as writer:
+        writer.write(0, picture(0), picture(0) > 100)
+    assert other.read_text() == "another's"
+    assert (tmp_path / "a.csv").read_text() == "mine"

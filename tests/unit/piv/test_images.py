@@ -1,5 +1,7 @@
 """Readers, pairing and the recording writer: round trips, and one sentence for bad input."""
 
+import struct
+
 import cv2
 import h5py
 import numpy as np
@@ -9,7 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fileio.formats.recording import RecordingWriter
+from piv.correlation.options import Options
+from piv.images import recording as recording_of_frames
 from piv.images.open_recording import open_recording, pairs
+from piv.sequence.sequence import SequenceOptions, correlate_recording
 
 
 def frames(n=5, shape=(40, 50), top=4096, seed=0):
@@ -207,3 +212,25 @@ def test_a_missing_frame_is_noticed(tmp_path, glob):
 )
 def test_numbers_that_do_not_count_frames_lack_none(tmp_path, names):
     assert len(open_recording(named(tmp_path, *names))) == len(names)
+
+
+def test_a_big_tiff_of_impossible_numbers_and_a_picture_of_no_camera_are_told_by_name(
+    tmp_path, monkeypatch
+):
+    entries = struct.pack("<Q", 2**63)
+    path = tmp_path / "bigcount.tif"
+    path.write_bytes(b"II" + struct.pack("<HHHQ", 43, 8, 0, 16) + entries)
+    with pytest.raises(ValueError, match=r"bigcount\.tif: not readable as a TIFF image"):
+        open_recording(path)
+    cv2.imwrite(str(tmp_path / "a.png"), frames(1)[0])
+    monkeypatch.setattr(recording_of_frames, "LARGEST_CHUNK", 1999)
+    with pytest.raises(ValueError, match=r"a\.png: 50x40 px are more than PIV takes"):
+        open_recording(tmp_path / "a.png").frame(0)
+
+
+def test_pictures_smaller_than_a_window_are_told_by_name(tmp_path):
+    for k in (0, 1):
+        cv2.imwrite(str(tmp_path / f"a{k}.png"), frames(1, (24, 32))[0])
+    words = r"a0\.png \.\.\. a1\.png: images of 32x24 px"
+    with open_recording(tmp_path) as recording, pytest.raises(ValueError, match=words):
+        correlate_recording(recording, tmp_path / "o.h5", Options(), SequenceOptions())

@@ -15,7 +15,7 @@ import pytest
 from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.lock import exclusive
-from fileio.record import read_record, record_path
+from fileio.record import read_record, record_path, write_record
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import Run, open_run
 from tests.conftest import ROOT, write_scene
@@ -87,12 +87,22 @@ def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> No
     read_kinematics(path)
 
 
-def test_a_file_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
-    """A whole file of another scene in the place of a stage's file is no result of this run."""
+def test_a_result_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
+    """Whole results of another scene, with their record, are no results of this run."""
     other = Run(write_scene(tmp_path / "other", more="[finger]\ntilt_deg = 5.0\n"))
-    make(other, "kinematics", ONE, quiet=True)
-    run.path("kinematics").write_bytes(other.path("kinematics").read_bytes())
-    assert "kinematics" in again(run).stale("kinematics")
+    make(other, "mesh", ONE, quiet=True)
+    own = {stage: run.path(stage).read_bytes() for stage in ("kinematics", "mesh")}
+    shutil.copytree(other.out, run.out, dirs_exist_ok=True)
+    extra = run.out / "mesh_extra.csv"  # a file that the stage itself would not write again
+    extra.write_text("of the other")
+    record = read_record(run.out, "mesh")
+    assert record is not None
+    write_record(run.out, "mesh", record, [run.path("mesh"), extra])
+    assert "finger.tilt_deg changed" in again(run).stale("mesh")["kinematics"]
+    make(again(run), "mesh", ONE, quiet=True)
+    assert not extra.exists()
+    for stage, content in own.items():
+        assert run.path(stage).read_bytes() == content
 
 
 def test_a_lost_file_is_made_again_and_a_deleted_case_is_not_needed(run: Run) -> None:
