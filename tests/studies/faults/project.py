@@ -22,7 +22,8 @@ spacing = 2e-3
 [camera]
 columns = 320
 rows = 256
-centre = [0.01, 0.185]
+scale_mm_per_px = 0.25
+centre = [0.016, 0.185]
 truth = true
 [piv]
 every = 2

@@ -61,7 +61,7 @@ def session(path):
 
 READERS = [
     ("images.h5", recording, "frames", lambda p: piv("correlate", p, "-o", p.with_name("o.h5"))),
-    ("images.h5", recording, "frames", lambda p: open_scene(str(p))),
+    ("images.h5", recording, "frames", lambda p: open_scene([str(p)])),
     ("images.h5", recording, "time", lambda p: seen_in(p.parent)),
     ("piv.h5", plane, "u", lambda p: piv("stats", p, "-o", p.with_name("o.h5"))),
     ("piv.h5", plane, "valid", lambda p: piv("convert", p, "-o", p.with_name("o.csv"))),
