@@ -34,6 +34,7 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
 
 _MOST_MESHES = 6
+_FEW_CELLS = 3.0  # between a body and the tank's bounds: too few to follow it
 _USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
 _LEAST_CLEARANCE = 0.06  # of the finger's thickness, between it and the support
 
@@ -191,8 +192,24 @@ def _choose_meshes(
         else:
             return meshes, rows
     raise StageError(
-        f"mesh: with {_MOST_MESHES} planforms {reason}: shorten the stroke, change mesh.wall_cell,"
-        " or raise the limit"
+        f"mesh: with {_MOST_MESHES} planforms {reason}: {_room(setting, mesh)}shorten the stroke,"
+        " change mesh.wall_cell, or raise the limit"
+    )
+
+
+def _room(setting: _Setting, mesh: Mesh) -> str:
+    """Says where the body comes so near to the tank's bounds that few cells fit between them."""
+    low, high = (reach(setting.shapes.outline, (0, 1)) for reach in (np.min, np.max))
+    near = {
+        "bottom": low[1], "surface": setting.depth - high[1],
+        "wall": setting.half_width - max(-low[0], high[0]),
+    }  # fmt: skip
+    place = min(near, key=lambda name: near[name])
+    if near[place] > _FEW_CELLS * mesh.near_cell:
+        return ""
+    return (
+        f"the body comes within {near[place]:.2g} m of the {place}, where few cells of"
+        f" mesh.near_cell = {mesh.near_cell:g} m fit; move finger.root, "
     )
 
 

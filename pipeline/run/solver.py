@@ -130,7 +130,7 @@ def read_progress(case: Path) -> dict[str, Any]:
 
 def has_ended(case: Path, interval: Interval) -> bool:
     """Whether an interval was solved to its end and all its sampled surfaces are there."""
-    return bool(read_progress(case).get("ended")) and first_damaged(case) >= interval.end
+    return bool(read_progress(case).get("ended")) and first_damaged(case) > interval.end
 
 
 def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
@@ -243,8 +243,8 @@ def solve(
         raise failed(case, guard.time, code)
     # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
-    until = min(sampled, first_damaged(case))
-    if until < interval.end:
+    until = min(sampled, damaged := first_damaged(case))
+    if until < interval.end or damaged <= interval.end:
         check_room(case)
         raise StageError(
             f"{case / 'postProcessing'}: the solver's samples are cut off at {until:g} s, as by a"

@@ -1,4 +1,4 @@
-"""Damaged copies of valid files, without atheris: the same seed gives the same inputs."""
+"""Damaged copies of valid files: the same seed gives the same inputs."""
 
 from __future__ import annotations
 

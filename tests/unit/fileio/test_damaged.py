@@ -10,12 +10,13 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
+from fileio.formats.mesh_intervals import Interval
 from fileio.formats.plane_series import make_plane
 from fileio.hdf5 import open_netcdf
 from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
 from pipeline.run.checkpoint import STATE, first_damaged, prepared_for
-from pipeline.run.solver import PROGRESS, read_progress
+from pipeline.run.solver import PROGRESS, has_ended, read_progress
 from piv.images.open_recording import open_recording
 from postprocess.evidence.check_finite import (
     check_finger,
@@ -109,6 +110,15 @@ def test_a_run_goes_on_before_its_first_damaged_sample(tmp_path):
     path.write_bytes(path.read_bytes()[:-1])
     assert first_damaged(tmp_path) == 0.2
     assert first_damaged(tmp_path / "nothing") == np.inf
+
+
+def test_an_interval_whose_last_sample_is_lost_has_not_ended(tmp_path):
+    sampled(tmp_path, {"sheetSurface": (0.1, 0.2, 0.3), "fingerSurface": (0.1, 0.2, 0.3)})
+    (tmp_path / PROGRESS).write_text('{"ended": true}')
+    interval = Interval(0, 0.0, 0.0, 0.3, 0)
+    assert has_ended(tmp_path, interval)
+    (tmp_path / "postProcessing" / "sheetSurface" / "0.3" / "a.vtk").unlink()
+    assert not has_ended(tmp_path, interval)
 
 
 def test_recorders_of_different_rates_are_no_damage(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import read_intervals
 from pipeline.kinematics import stage as kinematics
@@ -103,6 +104,18 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
     assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, rounded
     assert {int(interval) for interval in worst[:, 0]} == {interval.index for interval in intervals}
+
+
+NEAR_THE_BOTTOM = "[finger]\nroot = [0.0, 0.075]\n[camera]\ncentre = [0.02, 0.06]\n"
+
+
+def test_a_finger_near_the_bottom_is_told_as_that(tmp_path):
+    scene = write_scene(tmp_path / "near", more=NEAR_THE_BOTTOM)
+    scene.out.mkdir(parents=True)
+    kinematics.run(scene, quiet=True)
+    words = r"within 0\.00\d+ m of the bottom, where few cells of mesh\.near_cell"
+    with pytest.raises(StageError, match=words):
+        mesh.run(scene, quiet=True)
 
 
 def test_the_shipped_pinch_keeps_its_limits(tmp_path):
