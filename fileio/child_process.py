@@ -23,10 +23,8 @@ T = TypeVar("T")
 def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = _READ_LIMIT) -> T:
     """The result or exception of `read(*args)` in a forked process, which may die of it.
 
-    ChildProcessError where it died or exceeded its time. Without fork it runs in this process.
+    ChildProcessError where it died or exceeded its time.
     """
-    if not hasattr(os, "fork"):
-        return read(*args)
     receiver, sender = multiprocessing.Pipe(duplex=False)
     child = os.fork()
     if child == 0:
@@ -53,10 +51,10 @@ def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = _READ_LIM
 def worker_pool(processes: int, *, forked: bool = False) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that Ctrl-C ends silently, also during their first import.
 
-    `forked`, where the system can: they begin with all imported and compiled code of this process.
+    `forked`: they begin with all imported and compiled code of this process.
     Not where a library has threads by then (OpenCV, Numba's parallel loops): forks wait for them.
     """
-    kind = "fork" if forked and hasattr(os, "fork") else "spawn"
+    kind = "fork" if forked else "spawn"
     with ProcessPoolExecutor(processes, get_context(kind), initializer=_end_at_interrupt) as pool:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which they inherit
         try:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 
 @contextmanager
-def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
+def exclusive(target: Path) -> Iterator[None]:
     """Lock `target` by the hidden file `.<name>.lock` beside it, which is removed afterwards.
 
-    BlockingIOError where another process holds the lock, unless `wait`. FileNotFoundError where
-    the folder of `target` is missing.
+    BlockingIOError where another process holds the lock, FileNotFoundError where the folder of
+    `target` is missing.
     """
     if not target.parent.is_dir():
         raise FileNotFoundError(
@@ -25,7 +25,7 @@ def exclusive(target: Path, *, wait: bool = False) -> Iterator[None]:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(descriptor)
             raise BlockingIOError(
