@@ -116,21 +116,16 @@ def runs_part(rows: list[Row]) -> list[str]:
     """Text of the solver's runs."""
     done = [row for row in rows if row["ended"] == "completed"]
     worst = max(float(row["from_nothing_fraction"]) for row in done)
-    closure = sorted(float(row["closure_fraction"]) for row in done)
     base = next(row for row in read_study(STUDY) if row.run == BASE)
     stroke = base.overrides["motion.strokes"][0]
     return [
         "## Runs\n",
         "![How each run ended, by axis and value](stability/runs.svg)\n",
-        f"{len(rows)} runs: {counts(rows)}. Base: the single finger in 2-D at level {base.level},"
-        f" 0 → {stroke['pressure_kpa']:g} kPa in {stroke['duration']:g} s, time step"
-        f" {1e3 * base.overrides['numerics.time_step']:g} ms; one axis is changed at a time, then"
-        f" corners. In the completed runs the water never has more than {worst:.2%} of its energy"
-        " from nothing; neither kinetic energy nor dissipation by gradients in the cells is"
-        f" {closure[0]:.0%} to {closure[-1]:.0%} of the work, most of it taken by the schemes."
-        " Every run with its numbers and, where it was refused or stopped, the sentence:"
-        " [runs.csv](stability/runs.csv). `force_of_plate`: the peak force on a plate as long as"
-        " the finger, ρ W (π/4 L² a + L U²), a check that is made without the solver.\n",
+        f"{len(rows)} runs: {counts(rows)}. The base run is the single finger in 2-D at level"
+        f" {base.level}, 0 → {stroke['pressure_kpa']:g} kPa in {stroke['duration']:g} s, time step"
+        f" {1e3 * base.overrides['numerics.time_step']:g} ms. One axis is changed at a time, then"
+        f" corners. At most {worst:.2%} of the energy of a completed run came from nothing."
+        " [All runs](stability/runs.csv).\n",
     ]
 
 
@@ -141,11 +136,10 @@ def images_part(rows: list[Row]) -> list[str]:
     return [
         "## Images\n",
         "![How each picture ended, by axis and value](stability/images.svg)\n",
-        f"{len(rows)} evaluations: {counts(rows, **OF_IMAGES)}. A uniform shift and a vortex,"
-        f" {presets}, 32 px windows. A vector is wrong where it is called valid and is further"
-        " than 0.5 px from the truth (where no vector can be right: wherever it is called valid);"
-        " more than 5 % wrong counts as a plausible wrong answer. Every evaluation:"
-        " [images.csv](stability/images.csv).\n",
+        f"{len(rows)} evaluations: {counts(rows, **OF_IMAGES)}. The pictures show a uniform shift"
+        f" and a vortex, evaluated with the presets {presets}. A vector is wrong where it is called"
+        " valid and is more than 0.5 px from the truth. More than 5 % wrong vectors count as a plausible"
+        " wrong answer. [All evaluations](stability/images.csv).\n",
         *(
             f"- Wrong: {row['axis']} {row['value']}, {row['preset']}: {row['wrong_unflagged']}"
             for row in wrong
