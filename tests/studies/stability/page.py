@@ -138,8 +138,8 @@ def images_part(rows: list[Row]) -> list[str]:
         "![How each picture ended, by axis and value](stability/images.svg)\n",
         f"{len(rows)} evaluations: {counts(rows, **OF_IMAGES)}. The pictures show a uniform shift"
         f" and a vortex, evaluated with the presets {presets}. A vector is wrong where it is called"
-        " valid and is more than 0.5 px from the truth. More than 5 % wrong vectors count as a plausible"
-        " wrong answer. [All evaluations](stability/images.csv).\n",
+        " valid and is more than 0.5 px from the truth. More than 5 % wrong vectors count as a"
+        " plausible wrong answer. [All evaluations](stability/images.csv).\n",
         *(
             f"- Wrong: {row['axis']} {row['value']}, {row['preset']}: {row['wrong_unflagged']}"
             for row in wrong
