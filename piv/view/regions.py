@@ -43,5 +43,5 @@ def write_regions(
     content = {"format": "mask-polygons", "format_version": 1, "unit": unit, "bodies": bodies}
     write_text(path, json.dumps(content | ({"roi": list(roi)} if roi else {}), indent=1) + "\n")
     moving = f" at {len(frames)} frames" if len(frames) > 1 else ""
-    found = f"{len(bodies)} polygons{moving}{', a region' if roi else ''}"
+    found = f"{len(bodies)} polygon{'s' * (len(bodies) != 1)}{moving}{', a region' if roi else ''}"
     return f"{path}: {found}; piv correlate --mask {path.name}"

@@ -108,7 +108,7 @@ def test_what_is_drawn_is_read_by_correlate(folder, tmp_path):
     said = write_regions(
         path, "px", {0: [SQUARE], 3: [[[x + 30, y] for x, y in SQUARE]]}, (0.0, 0.0, 99.0, 90.0)
     )
-    assert "1 polygons at 2 frames, a region" in said
+    assert "1 polygon at 2 frames, a region" in said
     with open_recording(sorted((folder / "run").iterdir())[:4]) as recording:
         part = part_of_recording(recording, path)
         assert part.shape == (91, 100)
@@ -312,7 +312,7 @@ def test_a_mask_that_moves_is_drawn_tried_and_saved(page, folder):
     page.run("$('set_window').value = 16; $('try').click()")
     assert "--window 16 --mask" in until(page, "tried", "piv correlate")
     page.run("$('save').click()")
-    until(page, "saved", "1 polygons at 3 frames, a region")
+    until(page, "saved", "1 polygon at 3 frames, a region")
     with open_recording(folder / "run") as recording:
         part = part_of_recording(recording, folder / "drawn.json")
         assert part.shape in {(h, w) for h in (85, 86) for w in (115, 116)}
