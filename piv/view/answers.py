@@ -109,10 +109,9 @@ def field(plane: xr.Dataset) -> dict[str, Any]:
 
 
 def vortices(plane: xr.Dataset) -> list[dict[str, float]]:
-    """Centre, circulation, core radius and their standard errors, strongest first."""
-    keys = ("x", "y", "circulation", "core_radius", "circulation_std", "core_radius_std")
-    numbers = ({k: float(getattr(w, k)) for k in keys} for w in find_vortices(plane))
-    return [{k: v for k, v in w.items() if np.isfinite(v)} for w in numbers]
+    """The finite numbers of each vortex, strongest first."""
+    found = (asdict(w) for w in find_vortices(plane))
+    return [{k: float(v) for k, v in w.items() if np.isfinite(v)} for w in found]
 
 
 def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:

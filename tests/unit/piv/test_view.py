@@ -100,7 +100,7 @@ def test_settings_are_tried_on_the_pair_that_is_shown(folder):
     ok = plane["valid"].values != 0
     assert np.sqrt(np.mean((plane["u"].values - u)[ok] ** 2)) < 0.15  # px, of 2 px at its peak
     strongest = answers.vortices(plane)[0]
-    assert strongest["circulation"] == pytest.approx(GAMMA, rel=0.1)
+    assert strongest["circulation_fit"] == pytest.approx(GAMMA, rel=0.1)
 
 
 def test_what_is_drawn_is_read_by_correlate(folder, tmp_path):
@@ -267,7 +267,7 @@ def test_the_page_shows_and_asks_nobody_else(page, address):
     page.run("$('vortices').click()")
     ready(page)
     swirls = page.run("return viewer.swirls()")
-    assert swirls[0]["circulation"] == pytest.approx(GAMMA, rel=0.02)
+    assert swirls[0]["circulation_fit"] == pytest.approx(GAMMA, rel=0.02)
     wrong = [e for e in page.log("browser") if e["level"] == "SEVERE"]
     assert wrong == []
     events = [json.loads(e["message"])["message"] for e in page.log("performance")]
