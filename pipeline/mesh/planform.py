@@ -35,9 +35,9 @@ def build_planform(
 ) -> Planform:
     """Mesh the water around a finger's closed `outline` (point, 2), and its footprint.
 
-    Cells stay small within `near_distance` of the points `path` (n, 2) that the tip passes. The
-    tank spans ±`half_width` and 0…`depth`; where `mirror`, its right side is the plane x = 0, on
-    which nodes may slide. `bodies` are numbered from 2 in their order.
+    Cells stay small within `near_distance` of the points `path` (n, 2). The tank spans
+    ±`half_width` and 0…`depth`; where `mirror`, its right side is the plane x = 0, on which nodes
+    may slide. `bodies` are numbered from 2 in their order.
     """
     box = (-half_width, 0.0 if mirror else half_width, depth)
     tank = shapely.box(box[0], 0.0, box[1], depth).exterior

@@ -45,7 +45,7 @@ class _Setting:
 
     shapes: ShapeSequence
     deformation: ndarray  # of each shape: `cumulative_deformation`
-    path: ndarray  # points (n, 2) near which cells stay small
+    jet: ndarray  # points (n, 2) of a pinch's jet, near which cells stay small
     bodies: tuple[FixedBody, ...]
     motion: ndarray  # shape parameter after each time step, Pa
     half_width: float  # of the tank, m
@@ -80,7 +80,7 @@ def _setting_of(
     )
     motion = kinematics.law(time_step * np.arange(round(kinematics.time[1] / time_step) + 1))
     outlines = shapely.linearrings(shapes.outline)
-    gap, path = np.full(len(shapes.bend), np.inf), shapes.tip.reshape(-1, 2)
+    gap, jet = np.full(len(shapes.bend), np.inf), np.empty((0, 2))
     if kinematics.mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, tank.water_depth)])
         objects = [body.polygon for body in bodies if body.name == "object"]
@@ -89,14 +89,14 @@ def _setting_of(
         nearest = shapely.shortest_line(facing, outlines[int(np.argmin(gap))])
         height = shapely.get_coordinates(nearest)[0, 1]
         count = int(np.ceil(2 * mesh.jet_reach / mesh.near_cell)) + 1
-        jet = height + np.linspace(-mesh.jet_reach, mesh.jet_reach, count)
-        path = np.vstack([path, np.column_stack([np.zeros(count), jet])])
+        along = height + np.linspace(-mesh.jet_reach, mesh.jet_reach, count)
+        jet = np.column_stack([np.zeros(count), along])
     # a rigid body does not bend: the distance is the measure
     deformation = shapes.parameter - shapes.parameter[0]
     if not rigid:
         deformation = cumulative_deformation(shapes.bend, gap)
     half_width, depth = 0.5 * tank.size[0], tank.water_depth
-    return _Setting(shapes, deformation, path, bodies, motion, half_width, depth, kinematics.mirror)
+    return _Setting(shapes, deformation, jet, bodies, motion, half_width, depth, kinematics.mirror)
 
 
 def _check_clearance(
@@ -119,15 +119,18 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
     shapes = setting.shapes
     ends = [part.low, part.high, part.middle]
     low, high, middle = np.interp(ends, setting.deformation, shapes.parameter)
+    tips = shapes.tip
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
+    if mesh.near == "tip":
+        tips = shapes.tip[built]
     planform = build_planform(
         shapes.outline[built],
         shapes.tip[built],
         setting.half_width,
         setting.depth,
         mesh,
-        setting.path,
+        np.vstack([tips.reshape(-1, 2), setting.jet]),
         setting.mirror,
         setting.bodies,
     )

@@ -195,7 +195,10 @@ def _size_field(
     """Cell size growing from the walls and the tip's path; `size` at points `narrow`."""
     fields = gmsh.model.mesh.field
 
-    def graded(kind: str, members: list[int], size: float, near: float, far: float) -> int:
+    def graded(kind: str, members: list[int], size: float, near: float, growth: float) -> int:
+        far = mesh.near_distance + 5 * mesh.far_cell
+        if growth:
+            far = near + (mesh.far_cell - size) / growth
         distance = fields.add("Distance")
         fields.setNumbers(distance, kind, members)
         fields.setNumber(distance, "Sampling", 2)
@@ -205,14 +208,14 @@ def _size_field(
             fields.setNumber(threshold, key, value)
         return threshold
 
-    reach = mesh.near_distance + 5 * mesh.far_cell
-    parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, mesh.wall_distance, reach)]
-    parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, reach))
+    growth = mesh.wall_grading if mesh.near == "tip" else 0.0
+    parts = [graded("CurvesList", walls, 1.1 * mesh.wall_cell, mesh.wall_distance, growth)]
+    parts.append(graded("PointsList", track, mesh.near_cell, mesh.near_distance, growth))
     bins, points = np.round(np.log(size) / np.log(_BIN)), np.array(narrow)
     for chosen in np.unique(bins):
         least = float(_BIN**chosen)
-        far = least + (mesh.far_cell - least) / (mesh.wall_grading or _GROWTH)
-        parts.append(graded("PointsList", points[bins == chosen].tolist(), least, least, far))
+        members = points[bins == chosen].tolist()
+        parts.append(graded("PointsList", members, least, least, mesh.wall_grading or _GROWTH))
     smallest = fields.add("Min")
     fields.setNumbers(smallest, "FieldsList", parts)
     fields.setAsBackgroundMesh(smallest)

@@ -266,9 +266,11 @@ class Mesh(Section):
     tip_transition: Positive = 0.02
     """Over which they grow from there to wall_cell [m]"""
     near_cell: Positive
-    """Largest cell within near_distance of the motion [m]"""
+    """Largest cell within near_distance [m]"""
     near_distance: Positive = 0.045
-    """From where the finger is at any time [m]"""
+    """From where the tip is: see near [m]"""
+    near: Literal["path", "tip"] = "path"
+    """All the tip's places; or that of the shape which is meshed, whose cells move with the tip"""
     far_cell: Positive
     """Largest cell of the tank [m]"""
     edge_layer: Positive = 1.0e-3
@@ -278,7 +280,7 @@ class Mesh(Section):
     layer_growth: Annotated[Number, Field(ge=1.02, le=5)] = 1.5
     """Of the layers along z with the distance from the edge"""
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Growth of cells with the distance from the wall's; 0: they jump to wall_cell"""
+    """Growth of cells with the distance from the wall's, with near = "tip" from all; 0: a jump"""
     planform: Literal["triangles", "quads"] = "triangles"
     """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
