@@ -51,8 +51,8 @@ def compared_instants(
     """Instants (instant,) bool that tell most of the circulation, and each side's scatter.
 
     All from one instant on at which every side and run has its vortex. That instant makes the
-    predicted uncertainty of the mean least: the share that PIV takes off the simulation, and the
-    vectors' scatter over the instants. Without a virtual experiment, the later half.
+    predicted uncertainty of the mean least: the share that PIV takes off the simulation, the
+    vectors' scatter, and the effect of the numerics. Without a virtual experiment, the later half.
     ValueError where there are fewer than three.
     """
     every = [*measured.values(), *(e.table for e in case.effects)]
@@ -75,7 +75,9 @@ def compared_instants(
             rows = at[first:]
             swirl = _swirl(measured["data"], rows)
             alike = independent_instants(times[rows], swirl, case.window_m)
-            return float(np.hypot(np.mean(seen[rows] - true[rows]), random / np.sqrt(alike)))
+            parts = [np.mean(seen[rows] - true[rows]), random / np.sqrt(alike)]
+            parts += [e.std(("circulation",), rows)[0] for e in case.finer]
+            return float(np.linalg.norm(parts))
 
         begin = min(range(at.size - FEWEST + 1), key=predicted)
     chosen = np.zeros(ok.size, bool)
