@@ -154,9 +154,9 @@ def faults_part(folder: Path) -> list[str]:
     inputs, broken = (sum(int(row[key]) for row in fuzz) for key in ("inputs", "faults"))
     return [
         "## Kills, disks, damaged and foreign files (`make faults`)\n",
-        "Each fault meets every stage of a small run with all its files. A stage completes, or it"
-        " is refused in one sentence; one more make then ends with what an undisturbed run ends"
-        " with, bit by bit, the solver's tables at least within 1e-6. A killed make is kill -9 of"
+        "Faults of a small run, by the number of stages that they were tried on. A stage"
+        " completes, or is refused in one sentence; one more make then ends with what an"
+        " undisturbed run ends with, bit by bit, without its times. A killed make is kill -9 of"
         " it and all it has started, at random times and just after a stage begins to write."
         f" Damaged inputs ({', '.join(WAYS)}) keep their time, so that only their content tells."
         " Inputs of another scene or level come whole, with their record; they are made again."
