@@ -7,6 +7,7 @@ in a user's environment.
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -17,11 +18,13 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 class CustomBuildHook(BuildHookInterface):
     """Copies of both packages with the one name in place of the other."""
 
+    copies: Path | None = None
+
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Name the copies as what the wheel holds; an editable installation uses the folders."""
         if version == "editable":
             return
-        copies = Path(mkdtemp(prefix="piv-wheel-"))
+        self.copies = copies = Path(mkdtemp(prefix="piv-wheel-"))
         for package, name in (("piv", "piv"), ("fileio", "piv/_fileio")):
             for path in Path(self.root, package).rglob("*"):
                 if not path.is_file() or "__pycache__" in path.parts:
@@ -34,3 +37,8 @@ class CustomBuildHook(BuildHookInterface):
                     content = re.sub(rb"\bfileio(?=\.| import)", b"piv._fileio", content)
                 copy.write_bytes(content)
                 build_data["force_include"][str(copy)] = target
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the copies."""
+        if self.copies is not None:
+            shutil.rmtree(self.copies)
