@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 PAIRS = {"cfd": "CFD", "piv": "PIV", "piv-cfd": "PIV against CFD"}
-VERDICTS = {True: "met", False: "not met", None: "not judged"}
+VERDICTS = {True: "agrees", False: "differs", None: "cannot be said"}
 NBSP = "\u00a0"  # keeps a number and its unit on one line
 # By SI unit: factor, the unit shown, digits after the point (None: three digits in all).
 UNITS: dict[str, tuple[float, str, int | None]] = {
@@ -31,11 +31,18 @@ def quantity(value: float | str | None, unit: str) -> str:
     value *= factor
     if digits is None and factor != 1.0 and 10 <= abs(value) < 1000:
         digits = 1
-    text = _three_digits(value) if digits is None else f"{value:.{digits}f}"
+    if unit == "1" and 0.99 < value < 1:
+        digits = 4  # a correlation
+    text = minus(three_digits(value) if digits is None else f"{value:.{digits}f}")
     return text + (NBSP * (shown not in ("", "°")) + shown.replace(" ", NBSP))
 
 
-def _three_digits(value: float) -> str:
+def minus(number: str) -> str:
+    """A number as text with the minus sign of print."""
+    return number.replace("-", "−")
+
+
+def three_digits(value: float) -> str:
     """Never with an exponent."""
     if abs(value) >= 100:
         return f"{value:.0f}"

@@ -59,9 +59,10 @@ def deflection_sentence(values: Mapping[str, Any]) -> str:
     most, then, stroke = (
         math.degrees(values[name]) for name in ("largest_deflection", "bend_then", "stroke")
     )
+    turned = f"{most:+.1f}".replace("-", "−")
     share = f", {abs(most) / stroke:.0%} of the stroke" if stroke else ""
     return (
         f"The motion is prescribed: at {values['largest_at']:.3g} s, where the finger is at"
-        f" {then:.1f}°, the loads on it would turn its tip by {most:+.1f}°{share}, if giving way"
+        f" {then:.1f}°, the loads on it would turn its tip by {turned}°{share}, if giving way"
         " did not lessen them."
     )

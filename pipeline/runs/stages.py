@@ -103,7 +103,7 @@ STAGES = (
         ("vortices_cfd", "vortices_piv", "kinematics", "run", "sheet", "piv"),
         ("comparison.json", "co*.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
          "halves_*.csv"),
-        {"name": True, "level": True}, cost=(30, 600),
+        {"name": True, "level": True}, version=2, cost=(30, 600),
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads, and how far they would bend",
@@ -112,13 +112,13 @@ STAGES = (
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
         ("compare", "loads", "kinematics", "mesh", "run", "sheet", "images", "piv"),
-        ("figures/figures.json", "figures/*", "figures/frames/*"),
-        cost=(60, 900), threads=True,
+        ("figures/figures.json", "figures/*", "figures/*/*"),
+        version=2, cost=(60, 900), threads=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",
         ("figures", "compare", "run"), ("report.html",),
-        {"title": True, "name": True, "level": True}, cost=(30, 900),
+        {"title": True, "name": True, "level": True}, version=2, cost=(30, 900),
     ),
 )  # fmt: skip
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}

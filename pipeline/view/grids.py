@@ -10,6 +10,7 @@ import vtk
 import xarray as xr
 
 from pipeline.openfoam.polymesh_files import Faces
+from pipeline.scene.scene import Scene
 
 Z, X = 2, 0  # normal of the sheet's plane of symmetry, and of that between two fingers
 
@@ -57,18 +58,34 @@ def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
     return Topology(cells, types, points, walls, faces.owner[members])
 
 
+Box = tuple[float, ...]  # low and high x, y, z in m
+
+
 def water(
-    mesh: Topology, points: np.ndarray, velocity: np.ndarray, pressure: np.ndarray
+    mesh: Topology,
+    points: np.ndarray,
+    velocity: np.ndarray,
+    pressure: np.ndarray,
+    box: Box | None = None,
 ) -> pv.UnstructuredGrid:
-    """The water with velocity (cell, 3; m/s), pressure (cell; Pa) and VTK's vorticity (1/s)."""
+    """The water with velocity (cell, 3; m/s) and pressure (cell; Pa), and by VTK's derivatives
+
+    vorticity (1/s) and q (1/s²), half of rotation squared less strain squared (Hunt et al. 1988).
+    With a `box`: the cells whose first corner lies in it.
+    """
     grid = pv.UnstructuredGrid(mesh.cells, mesh.types, points)
     grid.cell_data["velocity"] = velocity
-    vorticity = grid.compute_derivative(
-        "velocity", gradient=False, vorticity=True, preference="cell"
-    )
-    grid.cell_data["vorticity"] = vorticity["vorticity"].astype(np.float32)
-    grid.cell_data["velocity"] = velocity.astype(np.float32)
     grid.cell_data["pressure"] = pressure.astype(np.float32)
+    if box:
+        first = points[grid.cell_connectivity[grid.cell_offsets[:-1]]]
+        inside = (first > box[::2]).all(axis=1) & (first < box[1::2]).all(axis=1)
+        grid = grid.extract_cells(inside)
+    derived = grid.compute_derivative(
+        "velocity", gradient=False, vorticity=True, qcriterion="q", preference="cell"
+    )
+    for name in ("vorticity", "q"):
+        grid.cell_data[name] = derived[name].astype(np.float32)
+    grid.cell_data["velocity"] = grid["velocity"].astype(np.float32)
     return grid
 
 
@@ -77,6 +94,13 @@ def walls(mesh: Topology, points: np.ndarray, pressure: np.ndarray) -> pv.Unstru
     surface = pv.PolyData(points[mesh.wall_points], mesh.walls)
     surface.cell_data["pressure"] = pressure[mesh.behind].astype(np.float32)
     return surface.cast_to_unstructured_grid()
+
+
+def mirror_planes(scene: Scene) -> tuple[int, ...]:
+    """Normals of the planes of symmetry at which a run's water ends."""
+    planes: tuple[int, ...] = (Z,) if scene.model.kind in ("half", "quarter") else ()
+    pair = scene.pinch is not None and scene.model.kind in ("quarter", "2d")
+    return planes + ((X,) if pair else ())
 
 
 def with_mirror_image(grid: pv.UnstructuredGrid, axis: int) -> pv.UnstructuredGrid:

@@ -1,4 +1,4 @@
-"""Vectors over vorticity over time, as MP4 or GIF."""
+"""Vectors over vorticity over time, as MP4, WebM or GIF."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from piv.plots.film import write_film
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv animate`."""
-    add_paths(parser, ".mp4 or .gif")
+    add_paths(parser, ".mp4, .webm or .gif")
     parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
     parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
     add_style(parser)
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> None:
         if args.output.suffix.lower() == ".gif":
             _write_gif(args.output, pictures(), args.fps)
         else:
-            write_film(pictures(), args.output, args.fps, crf=15, preset="medium")
+            write_film(pictures(), args.output, args.fps)
         if not args.quiet:
             print(f"{args.output}: {len(chosen)} pictures; {summary(planes)}")
 

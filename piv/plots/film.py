@@ -1,4 +1,4 @@
-"""H.264 films, image by image."""
+"""Films, image by image: H.264 or, in .webm, VP9."""
 
 from __future__ import annotations
 
@@ -14,19 +14,22 @@ import numpy as np
 
 from fileio.atomic import whole
 
+_H264 = "-c:v libx264 -preset medium -movflags +faststart"
+_CODECS = {".webm": "-c:v libvpx-vp9 -b:v 0 -deadline good -cpu-used 5"}
+
 
 def write_film(
     images: Iterable[np.ndarray],
     path: Path,
     rate_hz: float,
     *,
-    crf: int = 24,
-    preset: str = "veryfast",
+    crf: int = 15,
 ) -> None:
-    """Encode images (row, column, RGB), of even sides, to an MP4 (yuv420p), whole or not at all.
+    """Encode images (row, column, RGB), of even sides, to a film (yuv420p), whole or not at all.
 
-    `crf`, `preset`: quality and speed as libx264 names them. ValueError without an image, or with
-    ffmpeg's reason; OSError where the disk is full.
+    VP9 where the suffix is .webm, which every browser plays, H.264 elsewhere; `crf`: quality as
+    the encoder names it. ValueError without an image, or with ffmpeg's reason; OSError where the
+    disk is full.
     """
     images = iter(images)
     first = next(images, None)
@@ -35,8 +38,7 @@ def write_film(
     rows, columns = first.shape[:2]
     words = (
         f"-y -loglevel error -f rawvideo -pix_fmt rgb24 -s {columns}x{rows} -r {rate_hz:.02f} "
-        f"-i - -an -c:v libx264 -pix_fmt yuv420p -crf {crf} -preset {preset} -threads 1 "
-        "-movflags +faststart"
+        f"-i - -an {_CODECS.get(path.suffix, _H264)} -pix_fmt yuv420p -crf {crf} -threads 1"
     )
     with whole(path, suffix=True) as part, ThreadPoolExecutor(1) as pool:
         command = [_ffmpeg(path), *words.split(), str(part)]

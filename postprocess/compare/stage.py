@@ -20,6 +20,7 @@ from postprocess.compare.conservation import NEEDED, conservation, conservation_
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
+from postprocess.compare.resolution import SCALED, Resolution, resolution, widened
 from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
@@ -28,7 +29,7 @@ from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
-from postprocess.evidence.tip_vortex import strengths
+from postprocess.evidence.tip_vortex import dominant_tracks, strengths
 from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
 
@@ -40,10 +41,11 @@ _COPIED = (
 _AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene without findings
 
 
-def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
+def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) -> dict[str, Any]:
     """One check: what each source measures, and whether the finding is met.
 
-    What never happens or cannot be measured is not met; of what was not run nothing is judged.
+    What never happens or cannot be measured is not met; of what was not run nothing is judged, nor
+    of an agreement that misses its limit by no more than the recording can resolve (`seen`).
     """
     measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
     notes: list[str] = []
@@ -71,6 +73,12 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
         for of, value in measured.items()
         if of not in absent
     }
+    met = False if not all(judged.values()) else None if absent else True
+    if met is False and seen and finding.kind == "agreement" and finding.quantity in SCALED:
+        wide = widened(finding, seen.factor(finding.quantity))
+        if all(value is not None and is_met(wide, value) for value in measured.values()):
+            met = None
+            notes.append(f"Too coarse to say: {seen.cure}.")
     return {
         **{name: getattr(finding, name) for name in _COPIED},
         "label": quantity.label,
@@ -79,7 +87,7 @@ def judge(finding: Finding, evidence: Evidence) -> dict[str, Any]:
         "window_s": window,
         "measured": measured,
         "met_by": judged,
-        "met": False if not all(judged.values()) else None if absent else True,
+        "met": met,
         "notes": list(dict.fromkeys(notes)),
     }
 
@@ -123,7 +131,12 @@ def compare(files: StageFiles) -> dict[str, Any]:
     if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
         # A flow without a vortex is compared by its velocities alone.
         findings = tuple(finding for finding in findings if finding.quantity.startswith("velocity"))
-    checks = [judge(finding, evidence) for finding in findings]
+    seen = None
+    if evidence.has("piv"):
+        tips = dominant_tracks(evidence.vortices, 0, middle)
+        tip = next(iter(tips.values()), evidence.vortices["piv"].iloc[:0])
+        seen = resolution(files.numbers, tip[tip["time"].between(*middle)], evidence.scale)
+    checks = [judge(finding, evidence, seen) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
     if pinch and set(cfd) >= NEEDED:
         forces = FORCES.read(files.required("run/forces.csv", "run"))
@@ -138,6 +151,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
         "verdict": _verdict(checks),
+        "resolution": {"cure": seen.cure if seen else ""},
         "checks": checks,
         "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
         "summary": summary(evidence, middle) | pinch,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +12,19 @@ from PIL import Image
 
 from fileio.atomic import write_bytes
 
-_QUALITY = 78  # of 100: text stays sharp, a frame stays near 40 kB
+_QUALITY = 70  # of 100: text stays sharp, a frame stays near 20 kB
 
 
 def pixels(figure: Figure) -> np.ndarray:
-    """The drawn figure as (row, column, RGB) bytes with even sides, as H.264 wants them."""
-    figure.canvas.draw()
+    """The figure as it is drawn, (row, column, RGB) bytes."""
     image = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
-    return np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+    return np.ascontiguousarray(image)
+
+
+def drawn(figure: Figure) -> np.ndarray:
+    """The figure drawn anew, as `pixels`."""
+    figure.canvas.draw()
+    return pixels(figure)
 
 
 def write_picture(image: np.ndarray, path: Path, **more: int) -> None:
@@ -29,11 +34,10 @@ def write_picture(image: np.ndarray, path: Path, **more: int) -> None:
     write_bytes(path, content.getbuffer())
 
 
-def write_frames(images: Iterable[np.ndarray], folder: Path) -> Iterator[np.ndarray]:
-    """Write each image as frame_000.webp … and hand it on; frames of an earlier run are removed."""
+def write_frames(images: Iterable[np.ndarray], folder: Path) -> None:
+    """Write each image as frame_000.webp …; frames of an earlier run are removed."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("frame_*.webp"):
         old.unlink()
     for number, image in enumerate(images):
         write_picture(image, folder / f"frame_{number:03d}.webp", quality=_QUALITY, method=4)
-        yield image

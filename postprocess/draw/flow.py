@@ -9,50 +9,53 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib import patheffects
-from matplotlib.figure import Figure
+from scipy.ndimage import minimum_filter
 
 from piv.plots.vectors import COLOUR_MAP
-from postprocess.draw.style import MM, NAMES, new_figure
+from postprocess.draw.animation import pixels
+from postprocess.draw.style import BODY, GREY, INK, MM, NAMES, new_figure
 from postprocess.evidence.fields import frame
 from postprocess.evidence.strokes import REST
+from postprocess.words import minus
 
-_AROUND = 0.020  # m shown beside the tips' and the vortices' way
-_ARROW_EVERY = 0.0045  # m between drawn vectors: about 35 of them across the camera's picture
+EDGES = 1.25  # inches of a figure's width beside its panels
+_AROUND = 0.020  # m shown beside the fingers and the vortices' way
+_ARROW_EVERY = 0.0045  # m between drawn vectors
+_STILL = 0.06  # of the scale: slower water has no arrow
+_OFF_WALL = 0.003  # m: nearer a wall, its layer would set the colours
 _HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 # Behind the body.
-_MARK: dict[str, Any] = {"color": "#0a7d2c", "linewidth": 2.0, "zorder": 2, "path_effects": _HALO}
-_OTHER: dict[str, Any] = _MARK | {"color": "#4b5561", "linewidth": 1.0}
+_MARK: dict[str, Any] = {"color": INK, "linewidth": 2.0, "zorder": 2, "path_effects": _HALO}
+_OTHER: dict[str, Any] = _MARK | {"color": GREY, "linewidth": 1.0}
 _MARKED = ["x", "y", "radius", "circulation"]
 _RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
-_SHADE: dict[str, Any] = {
-    "origin": "lower",
-    "cmap": COLOUR_MAP,
-    "alpha": 0.75,
-    "interpolation": "bilinear",
-}
+_SHADE: dict[str, Any] = {"origin": "lower", "interpolation": "bilinear"}
 _ARROWS: dict[str, Any] = {
     "units": "xy",
     "angles": "xy",
     "scale_units": "xy",
-    "color": "#1c2733",
-    "width": 0.5,
-    "headwidth": 3.4,
-    "headlength": 4,
+    "color": INK,
+    "width": 0.55,
+    "headwidth": 4.0,
+    "headlength": 4.5,
+    "headaxislength": 4.0,
+    "minlength": 0.5,
 }
+_STRAYS: dict[str, Any] = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": 10.0}  # %, of a difference
 
 
-def view_limits(planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataFrame]]) -> list:
-    """x0, x1, y0, y1 (m) of the region that all planes see near the tips and the vortices."""
+def view_limits(planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataFrame]]) -> tuple:
+    """x0, x1, y0, y1 (m) of the region that all planes see around the fingers and the vortices."""
     limits = []
     for number, axis in enumerate(("x", "y")):
         low = max(float(p[axis][0]) for p in planes.values())
         high = min(float(p[axis][-1]) for p in planes.values())
-        at = [p["tip"].values[..., number].ravel() for p in planes.values() if "tip" in p]
+        at = [p["outline"].values[..., number].ravel() for p in planes.values() if "outline" in p]
         for track in (track for fingers in vortices.values() for track in fingers):
             at += [track[axis] - track["radius"], track[axis] + track["radius"]]
         known = np.concatenate(at) if at else np.array([low, high])
         limits += [max(low, float(known.min()) - _AROUND), min(high, float(known.max()) + _AROUND)]
-    return limits
+    return tuple(limits)
 
 
 def vorticity(field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -62,11 +65,17 @@ def vorticity(field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray
 
 
 def vorticity_limit(plane: xr.Dataset, times: np.ndarray) -> float:
-    """A rounded colour limit (1/s): the 99.5th percentile of |vorticity| at the instants."""
+    """A rounded colour limit (1/s): 99.9 % of the water beside the wall layers turns slower."""
     x, y = plane["x"].values, plane["y"].values
-    fields = (vorticity(*frame(plane, _nearest(plane, time)), x, y) for time in times)
-    worst = max(float(np.nanpercentile(np.abs(field), 99.5)) for field in fields)
-    return float(np.ceil(worst / 5) * 5) or 1.0
+    across = 2 * round(_OFF_WALL / (x[1] - x[0])) + 1
+    worst = 0.0
+    for time in times:
+        field, valid = frame(plane, _nearest(plane, time))
+        free = minimum_filter(valid, across, mode="nearest")
+        if free.any():
+            turning = np.abs(vorticity(field, valid, x, y)[free])
+            worst = max(worst, float(np.nanpercentile(turning, 99.9)))
+    return float(f"{worst:.1g}") or 1.0
 
 
 def _nearest(plane: xr.Dataset, time: float) -> int:
@@ -94,44 +103,58 @@ def flow_figure(
     vortices: dict[str, list[pd.DataFrame]],
     scale: float,
     limit: float,
+    view: tuple[float, float, float, float],
     *,
     tables: dict[str, pd.DataFrame] | None = None,
-    dpi: float = 110,
+    dpi: float = 100,
     panel: float = 5.0,
-) -> tuple[Figure, Callable[[float], None]]:
-    """A figure with one panel per source, and the function that shows an instant (s) in it.
+) -> Callable[[float], np.ndarray]:
+    """Draws one panel per source; the function returned gives the image of an instant (s).
 
     `vortices`: by source each finger's tip vortex over time; `scale`: velocity scale, m/s;
-    `limit`: of the vorticity, 1/s; `panel`: width of a panel, inches. The other vortices of
-    `tables` are marked by thin circles.
+    `limit`: of the vorticity, 1/s; `view`: x0, x1, y0, y1 in m; `panel`: width of a panel,
+    inches. The other vortices of `tables` are marked by thin circles. The source "difference" is
+    coloured by its speed over the scale.
     """
-    x0, x1, y0, y1 = view_limits(planes, vortices)
-    height = panel * (y1 - y0) / (x1 - x0) + 0.8
+    x0, x1, y0, y1 = view
+    height = panel * (y1 - y0) / (x1 - x0) + 0.85
     more: dict[str, Any] = {"dpi": dpi, "sharey": True, "squeeze": False}
-    figure, axes = new_figure(panel * len(planes) + 0.9, height, 1, len(planes), **more)
+    figure, axes = new_figure(panel * len(planes) + EDGES, height, 1, len(planes), **more)
     updates = []
     for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
-        table = (tables or {}).get(source)
-        shade, update = _panel(ax, plane, vortices.get(source, []), table, scale, limit)
+        table, tracks = (tables or {}).get(source), vortices.get(source, [])
+        top = None if source == "difference" else limit
+        shade, moving, update = _panel(ax, plane, tracks, table, scale, top)
         ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
-        ax.set_title(NAMES[source])
+        moving.append(ax.text(0, 1.015, "", transform=ax.transAxes, weight="bold", size=11))
         ax.grid(False)
-        updates.append(update)
+        updates.append((ax, source, plane, moving, update))
     axes[0, 0].set_ylabel("y, mm")
     bar = figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, pad=0.01, aspect=30)
-    bar.set_label("vorticity, 1/s (purple: clockwise)")
+    strays = list(planes) == ["difference"]
+    bar.set_label("speed of the difference, % of peak tip speed" if strays else
+                  "vorticity, 1/s (purple: clockwise)")  # fmt: skip
     bar.outline.set_visible(False)
     figure.canvas.draw()
-    figure.set_layout_engine("none")  # laid out once: every further frame only moves what moves
+    figure.set_layout_engine("none")  # laid out once: every frame draws only what moves
+    for _, _, _, moving, _ in updates:
+        for artist in moving:
+            artist.set_animated(True)
+    figure.canvas.draw()
+    still = figure.canvas.copy_from_bbox(figure.bbox)
 
-    def show(time: float) -> None:
-        for ax, (source, plane), update in zip(axes[0], planes.items(), updates, strict=True):
+    def show(time: float) -> np.ndarray:
+        figure.canvas.restore_region(still)
+        for ax, source, plane, moving, update in updates:
             # PIV has fewer instants than the sheet.
             shown = float(plane["time"][_nearest(plane, time)])
-            ax.set_title(f"{NAMES[source]}, {format_instant(plane, shown)}")
+            moving[-1].set_text(f"{NAMES.get(source, source)}, {shown:.3f} s")
             update(shown)
+            for artist in sorted(moving, key=lambda artist: artist.get_zorder()):
+                ax.draw_artist(artist)
+        return pixels(figure)
 
-    return figure, show
+    return show
 
 
 def format_instant(plane: xr.Dataset, time: float) -> str:
@@ -139,7 +162,8 @@ def format_instant(plane: xr.Dataset, time: float) -> str:
     bends = plane["bend"].values[:, 0] if "bend" in plane else np.zeros(1)
     if np.ptp(bends) <= REST:
         return f"{time:.3f} s"
-    return f"{time:.3f} s, bent by {np.degrees(np.interp(time, plane['time'].values, bends)):.0f}°"
+    bend = np.degrees(np.interp(time, plane["time"].values, bends))
+    return f"{time:.3f} s, bent by {minus(f'{bend:.0f}')}°"
 
 
 def others(table: pd.DataFrame, judged: list[pd.DataFrame], time: float) -> pd.DataFrame:
@@ -156,7 +180,7 @@ def _panel(
     vortices: list[pd.DataFrame],
     table: pd.DataFrame | None,
     scale: float,
-    limit: float,
+    limit: float | None,
 ):
     x, y = plane["x"].values, plane["y"].values
     dx, dy = x[1] - x[0], y[1] - y[0]
@@ -164,25 +188,29 @@ def _panel(
     rows, columns = np.arange(every // 2, y.size, every), np.arange(every // 2, x.size, every)
     extent = np.array([x[0] - dx / 2, x[-1] + dx / 2, y[0] - dy / 2, y[-1] + dy / 2]) * MM
     blank = np.full((y.size, x.size), np.nan)
-    shade = ax.imshow(blank, extent=extent, vmin=-limit, vmax=limit, **_SHADE)
+    colours = _STRAYS if limit is None else {"cmap": COLOUR_MAP, "vmin": -limit, "vmax": limit}
+    shade = ax.imshow(blank, extent=extent, **_SHADE, **colours)
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
     # 45 % of the tip's peak speed reaches to the next vector.
     unit = 0.45 * scale / (every * dx * MM)
     arrows = ax.quiver(gx, gy, hidden, hidden, scale=unit, **_ARROWS)
     known = float(f"{0.5 * scale:.1g}")
-    beside = {"labelpos": "E", "coordinates": "axes", "fontproperties": {"size": 9}}
-    ax.quiverkey(arrows, 0.8, 1.03, known, f"{known:g} m/s", **beside)
+    beside = {"labelpos": "W", "coordinates": "axes", "fontproperties": {"size": 9}}
+    ax.quiverkey(arrows, 0.93, 1.03, known, f"{known:g} m/s", **beside)
     fingers = range(plane.sizes.get("finger", 0) if "outline" in plane else 0)
-    bodies = [ax.fill([], [], color="black", zorder=3)[0] for _ in fingers]
+    bodies = [ax.fill([], [], color=BODY, zorder=3)[0] for _ in fingers]
     (beside_them,) = ax.plot([], [], **_OTHER)
     marks = [ax.plot([], [], **_MARK)[0] for _ in vortices]
 
     def update(time: float) -> None:
         index = _nearest(plane, time)
         field, valid = frame(plane, index)
-        shade.set_data(vorticity(field, valid, x, y))
-        drawn = np.ma.masked_array(field, mask=np.broadcast_to(~valid, field.shape))
+        speed = np.linalg.norm(field, axis=0)
+        strays = np.where(valid, 100 * speed / scale, np.nan)
+        shade.set_data(strays if limit is None else vorticity(field, valid, x, y))
+        quiet = ~valid | (speed < _STILL * scale)
+        drawn = np.ma.masked_array(field, mask=np.broadcast_to(quiet, field.shape))
         arrows.set_UVC(*drawn[:, rows[:, None], columns])
         for number, body in enumerate(bodies):
             body.set_xy(plane["outline"].values[index, number] * MM)
@@ -202,7 +230,7 @@ def _panel(
         for mark, vortex in zip(marks, vortices, strict=True):
             mark.set_data(*marked(_at(vortex, time)))
 
-    return shade, update
+    return shade, [shade, arrows, *bodies, beside_them, *marks], update
 
 
 def _at(vortex: pd.DataFrame, time: float) -> np.ndarray:

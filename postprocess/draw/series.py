@@ -1,44 +1,132 @@
-"""Series over time: the vortex, its agreement, the motion; and the bending radius."""
+"""Series over time, one panel for each quantity; paths of the vortex; the bending radius."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.ndimage import median_filter
 
-from postprocess.draw.style import CFD, COLOURS, GREY, MM, NAMES, PIV, new_figure
+from postprocess.draw.style import (
+    BODY,
+    CFD,
+    COLOURS,
+    GREY,
+    HEIGHT,
+    INK,
+    MM,
+    NAMES,
+    SHADED,
+    WIDTH,
+    new_figure,
+)
 from postprocess.evidence.vortex_pairs import broken
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
-# Curves fill these pictures.
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 Tracks = dict[str, list[pd.DataFrame]]  # by source, of every finger the tip's vortex over time
-_MIDDLE: dict[str, Any] = {"color": "#f0e9d8", "zorder": 0}
 _LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
+_SPIKE = 3  # instants: what is shorter does not set an axis
 
 
-def circulation(tracks: Tracks, middle: tuple[float, float]) -> Figure:
-    """Circulation and radius of every tip's vortex over time with 95 % bands."""
-    figure, axes = new_figure(8.6, 5.6, 2, 1, sharex=True, height_ratios=(2, 1))
-    rows = (("circulation", 1e4, "circulation, cm²/s"), ("radius", MM, "radius, mm"))
-    for ax, (name, unit, label) in zip(axes, rows, strict=True):
-        for source, fingers in tracks.items():
-            for finger, track in enumerate(fingers):
-                line = {
-                    "label": finger_name(source, finger, len(fingers)),
-                    "color": COLOURS[source],
-                    "linestyle": ("-", "--")[finger],
-                }
-                _banded(ax, broken(track, "track"), name, unit, line)
-        ax.axvspan(*middle, label="middle of the stroke", **_MIDDLE)
-        ax.set_ylabel(label)
-    axes[0].set_title("Tip vortex over time (counter-clockwise positive)")
-    axes[0].legend(loc="best")
-    axes[1].set_xlabel("time, s")
+@dataclass(frozen=True)
+class Curve:
+    """Values over `time` (s) in the unit of the panel, with a `band` to either side."""
+
+    time: np.ndarray
+    values: np.ndarray
+    label: str = ""
+    colour: str = INK
+    style: str = "-"
+    band: np.ndarray | None = None
+
+
+Panels = list[tuple[str, list[Curve]]]  # the label of the axis with its unit, and the curves
+
+
+def over_time(
+    panels: Panels,
+    height: float = HEIGHT,
+    *,
+    middle: tuple[float, float] | None = None,
+    met: float | None = None,
+) -> Figure:
+    """One panel below the other; `middle`: of the stroke, shaded; `met`: contact of two fingers, s.
+
+    No axis is set by a spike of a few instants, as of a solver's first steps.
+    """
+    figure, axes = new_figure(WIDTH, height, len(panels), 1, sharex=True, squeeze=False)
+    for ax, (label, curves) in zip(axes[:, 0], panels, strict=True):
+        if middle:
+            ax.axvspan(*middle, color=SHADED, zorder=0)
+        if met is not None:
+            ax.axvline(met, color=GREY, linewidth=1.0, linestyle=":")
+        for curve in curves:
+            line = {"color": curve.colour, "linestyle": curve.style, "label": curve.label or None}
+            ax.plot(curve.time, curve.values, **line)
+            if curve.band is not None:
+                sides = curve.values - curve.band, curve.values + curve.band
+                ax.fill_between(curve.time, *sides, color=curve.colour, alpha=0.2, linewidth=0)
+        ax.set(ylabel=label, ylim=_limits(curves))
+        _name_spikes(ax, curves)
+        names = [curve.label for curve in curves if curve.label]
+        if names:
+            ax.legend(loc="best", ncols=1 if len(names) < 3 else 2)
+    axes[-1, 0].set_xlabel("time, s")
+    figure.align_ylabels(axes[:, 0])
     return figure
+
+
+def _limits(curves: list[Curve]) -> tuple[float, float]:
+    """Limits of an axis with all curves and bands, but for short spikes."""
+    known = [median_filter(c.values[np.isfinite(c.values)], _SPIKE, mode="nearest") for c in curves]
+    known += [
+        median_filter((c.values + sign * c.band)[np.isfinite(c.values)], _SPIKE, mode="nearest")
+        for c in curves
+        if c.band is not None
+        for sign in (-1, 1)
+    ]
+    ends = np.concatenate([*known, [0.0]])
+    low, high = float(ends.min()), float(ends.max())
+    room = 0.08 * (high - low) or 1.0
+    return low - room * (low < 0), high + room
+
+
+def _name_spikes(ax: Axes, curves: list[Curve]) -> None:
+    """The value of what is cut off, where it is."""
+    low, high = ax.get_ylim()
+    for curve in curves:
+        if not np.isfinite(curve.values).any():
+            continue
+        for at, mark in ((np.nanargmax(curve.values), "▲"), (np.nanargmin(curve.values), "▼")):
+            time, value = np.asarray(curve.time)[at], float(curve.values[at])
+            if not low <= value <= high:
+                edge, side = (high, "top") if value > high else (low, "bottom")
+                text = f" {mark} to {value:.2g}"
+                ax.text(time, edge, text, color=curve.colour, fontsize=8, va=side)
+
+
+def circulations(tracks: Tracks) -> list[Curve]:
+    """Circulation (cm²/s) of every tip's vortex, with its 95 % band where the table has one."""
+    curves = []
+    for source, fingers in tracks.items():
+        for finger, track in enumerate(fingers):
+            drawn = broken(track, "track")
+            std = drawn.get("circulation_std")
+            curves.append(
+                Curve(
+                    drawn["time"].to_numpy(),
+                    drawn["circulation"].to_numpy() * 1e4,
+                    finger_name(source, finger, len(fingers)),
+                    COLOURS[source],
+                    ("-", "--")[finger],
+                    None if std is None else BAND * std.to_numpy(float) * 1e4,
+                )
+            )
+    return curves
 
 
 def finger_name(source: str, finger: int, fingers: int) -> str:
@@ -46,31 +134,14 @@ def finger_name(source: str, finger: int, fingers: int) -> str:
     return NAMES[source] + (f", {('left', 'right')[finger]} finger" if fingers > 1 else "")
 
 
-def _has_std(track: pd.DataFrame, name: str) -> bool:
-    return f"{name}_std" in track and bool((track[f"{name}_std"] > 0).any())
-
-
-def _banded(ax, track: pd.DataFrame, name: str, unit: float, line: dict[str, Any]) -> None:
-    ax.plot(track["time"], track[name] * unit, **line)
-    if _has_std(track, name):
-        half = BAND * track[f"{name}_std"].to_numpy(float)
-        low, high = (track[name] - half) * unit, (track[name] + half) * unit
-        ax.fill_between(track["time"], low, high, color=line["color"], alpha=0.2, linewidth=0)
-
-
-def has_band(tracks: Tracks) -> list[str]:
-    """Sources whose vortex table carries an uncertainty of the circulation."""
-    return [source for source, (track, *_) in tracks.items() if _has_std(track, "circulation")]
-
-
 def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Figure:
     """Paths of vortex centres and tip over the outline at the first, middle and last instant."""
-    figure, ax = new_figure(6.6, 5.6)
+    figure, ax = new_figure(WIDTH, HEIGHT)
     times = plane["time"].values
     instants = [0, int(np.argmin(np.abs(times - np.mean(middle)))), times.size - 1]
     way = {"color": GREY, "ls": "--", "linewidth": 1.2}
     for number in range(plane.sizes["finger"]):
-        for index, tone in zip(instants, ("0.85", "0.6", "0.15"), strict=True):
+        for index, tone in zip(instants, ("#e3e6ea", "#b9c0c8", BODY), strict=True):
             outline = plane["outline"].values[index, number].T * MM
             ax.fill(*outline, facecolor=tone, edgecolor="none")
         tip = plane["tip"].values[:, number].T * MM
@@ -79,7 +150,7 @@ def paths(tracks: Tracks, plane: xr.Dataset, middle: tuple[float, float]) -> Fig
         for finger, track in enumerate(fingers):
             _path(ax, track, middle, source, None if finger else f"vortex, {NAMES[source]}")
     ax.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title="Where the vortex goes")
-    ax.legend(loc="best")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
@@ -97,35 +168,6 @@ def _path(
         ax.errorbar(some["x"] * MM, some["y"] * MM, *half, **bars)
 
 
-def agreement(series: pd.DataFrame, scale: float, middle: tuple[float, float]) -> Figure:
-    """Velocity difference, correlation and distance of the vortex centres of PIV and CFD."""
-    figure, axes = new_figure(8.6, 6.0, 3, 1, sharex=True)
-    time, correlation = series["time"], series["velocity_correlation"]
-    axes[0].plot(time, series["velocity_rms_difference"] / scale * 100, color=PIV)
-    axes[0].set(ylabel="RMS difference,\n% of tip speed", title="PIV against CFD over time")
-    axes[1].plot(time, correlation, color=PIV)
-    axes[1].set(ylabel="correlation, 1", ylim=(min(0.8, correlation.min()), 1.005))
-    if "centre_distance" in series:
-        axes[2].plot(time, series["centre_distance"] * MM, color=PIV)
-    axes[2].set(ylabel="distance of\ncentres, mm", xlabel="time, s")
-    for ax in axes[::2]:
-        ax.set_ylim(0, None)
-    for ax in axes:
-        ax.axvspan(*middle, **_MIDDLE)
-    return figure
-
-
-def motion(rows: list[tuple[np.ndarray, np.ndarray, str]]) -> Figure:
-    """What drives the flow: one panel for each (time in s, values, label with its unit)."""
-    figure, axes = new_figure(8.6, 0.4 + 4.8 * len(rows) / 3, len(rows), 1, sharex=True)
-    for ax, (t, values, label) in zip(axes, rows, strict=True):
-        ax.plot(t, values, color=CFD)
-        ax.set_ylabel(label)
-    axes[0].set_title("The motion")
-    axes[-1].set_xlabel("time, s")
-    return figure
-
-
 def bending(
     pressure: np.ndarray,
     bend: np.ndarray,
@@ -137,14 +179,14 @@ def bending(
 
     `bend`, `bend_std`, `paper`: (state,) rad; R = `length` / bend (the paper's Figs 7 and 8c).
     """
-    figure, ax = new_figure(8.6, 4.2)
+    figure, ax = new_figure(WIDTH, HEIGHT)
     for part in (pressure < -_LEAST_PRESSURE, pressure > _LEAST_PRESSURE):
         if not part.any():
             continue
         name = (lambda label: label) if part[-1] else (lambda label: None)
         kpa = pressure[part] / 1e3
         ax.plot(kpa, length * MM / bend[part], color=CFD, label=name("states"))
-        equations = {"color": "0.4", "label": name("equations (1)–(6)")}
+        equations = {"color": GREY, "label": name("equations (1)–(6)")}
         ax.plot(kpa, length * MM / paper[part], "--", **equations)
         if bend_std is not None:
             low, high = (length * MM / (bend[part] + k * bend_std[part]) for k in (-1, 1))
@@ -152,5 +194,5 @@ def bending(
             ax.fill_between(kpa, low, high, **band)
     ax.set(xlabel="pressure, kPa", ylabel="bending radius R, mm", ylim=(-160.0, 160.0))
     ax.set_title("Bending radius over pressure")
-    ax.legend(frameon=False)
+    ax.legend()
     return figure

@@ -1,4 +1,4 @@
-"""How every picture looks: one set of sizes and colours, and saving whole files."""
+"""How every picture looks: one set of sizes, fonts and colours, and saving whole files."""
 
 from __future__ import annotations
 
@@ -12,9 +12,15 @@ from matplotlib.figure import Figure
 
 from fileio.atomic import write_bytes
 
-CFD, PIV, THIRD, GREY = "#0b5fa5", "#c8501e", "#3f7d4e", "#5f6670"
+# Okabe and Ito's colours, told apart by every kind of colour vision
+CFD, PIV, LAB = "#0072b2", "#d55e00", "#009e73"
+FIRST, SECOND, THIRD, GREY = "#1c2733", "#a4509a", "#8a7a1f", "#737b86"  # whatever is none of those
+INK, BODY = "#1c2733", "#49515b"  # text and arrows; the finger, on which marks can be seen
+SHADED = "#f3ecd9"  # a span of time
+COLOUR_MAP = "PuOr_r"  # vorticity, clockwise purple
 COLOURS = {"cfd": CFD, "piv": PIV}
-NAMES = {"cfd": "CFD", "piv": "PIV"}
+NAMES = {"cfd": "CFD", "piv": "PIV", "difference": "PIV less CFD"}
+WIDTH, HEIGHT = 5.9, 4.2  # inches of every figure that fills half of the page's width
 MM = 1e3
 
 _RC: dict[str, Any] = {

@@ -136,6 +136,21 @@ def field_series(sums: pd.DataFrame, rest_speed: float) -> pd.DataFrame:
     )
 
 
+def difference(reference: xr.Dataset, other: xr.Dataset, times: np.ndarray) -> xr.Dataset:
+    """`other` less `reference` (m/s) at the instants of `other` nearest to some times (s)."""
+    near = np.unique([int(np.argmin(np.abs(other["time"].values - time))) for time in times])
+    index = np.intersect1d(near, _common_times(reference, other))
+    grids = [reference[n].values for n in "xy"] + [other[n].values for n in "xy"]
+    out = other.isel(time=index).load()
+    for k, time in enumerate(out["time"].values):
+        expected, known = _onto_grid(*_at_time(reference, float(time)), *grids)
+        measured, ok = frame(out, k)
+        for name, values in zip(("u", "v"), measured - expected, strict=True):
+            out[name][k] = np.where(known & ok, values, np.nan)
+        out["valid"][k] = known & ok
+    return out
+
+
 def on_grid(plane: xr.Dataset, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Velocities (time, 2, y, x) of a series on other axes, and where they are whole."""
     axes = plane["x"].values, plane["y"].values, x, y

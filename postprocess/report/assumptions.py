@@ -7,6 +7,7 @@ from typing import Any
 from pipeline.scene.sections import SMOOTHING
 
 _GRAVITY = 9.81  # m/s²
+_WAVES = 0.5  # Froude number from which waves are to be expected
 _PARTS = {
     "2d": "A plane without depth is computed: no water passes round the {name}'s sides, so its"
     " forces and vortices are too strong.",
@@ -26,8 +27,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     """
     fluid, finger, body = scene["fluid"], scene["finger"], scene.get("body")
     name = "body" if body else "finger"
-    width = (body["diameter"] or body["chord"]) if body else finger["width"]
-    reynolds = speed * width / fluid["kinematic_viscosity"]
+    reynolds = speed * _width(scene) / fluid["kinematic_viscosity"]
     depth = scene["tank"]["water_depth"] - max(tip_height, finger["root"][1])
     turbulence, kind = fluid["turbulence"], scene["model"]["kind"]
     flow = (
@@ -58,7 +58,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the {name} could raise"
         f" the surface by at most {speed**2 / (2 * _GRAVITY) * 1e3:.1f} mm; it stays"
         f" {depth * 1e3:.0f} mm below it (Froude number by that depth"
-        f" {speed / (_GRAVITY * depth) ** 0.5:.2f})."
+        f" {_froude(scene, speed, tip_height):.2f})."
     )
     piv = (
         "The recording is synthetic: particles are moved by the simulated flow and photographed by"
@@ -89,6 +89,54 @@ def _pressure(motion: dict[str, Any]) -> str:
         f" each instant, so that the finger starts from rest; it lags by {500 * span:g} ms"
         " (motion.smoothing)."
     )
+
+
+def purpose(scene: dict[str, Any], trial: str, speed: float, tip_height: float) -> tuple[str, str]:
+    """What a run can be used for, and what not; `trial`: why it is only for trying out."""
+    name = "body" if scene.get("body") else "finger"
+    if trial:
+        return (
+            "checking that every stage works, and trying out settings.",
+            f"any number of the {name}: its flow in space differs from this one.",
+        )
+    avoid = ["peak vorticity and wall friction, which a finer grid still changes"]
+    if not (scene.get("body") or scene["motion"]["shapes"]):
+        avoid.append("how fast a free finger bends: the motion is prescribed (COUPLED=1 frees it)")
+    if _froude(scene, speed, tip_height) > _WAVES:
+        avoid.append("anything near the surface: the simulation has no waves")
+    return (
+        "where the vortices are, which way they turn and go, how strong they are, and the force,"
+        " within the errors below; for planning a recording.",
+        "; ".join(avoid) + ".",
+    )
+
+
+def flow_numbers(scene: dict[str, Any], speed: float, way: float, run: dict[str, Any]) -> str:
+    """The numbers that set the flow; `speed`: peak of the tip, m/s; `way`: the tip's path, m."""
+    strokes = scene["motion"]["strokes"]
+    width, viscosity = _width(scene), scene["fluid"]["kinematic_viscosity"]
+    time = sum(stroke["duration"] for stroke in strokes) or scene["motion"]["end_time"]
+    ratio = (
+        f"formation number {way / width:.2g} (way of the tip over width)"
+        if len(strokes) < 2
+        else f"Keulegan–Carpenter number {speed * time / width:.2g}"
+    )
+    return (
+        f"Reynolds number {speed * width / viscosity:,.0f} by width and peak tip speed"
+        f" {speed:.3f} m/s · {ratio} · Strouhal number {width / (speed * time):.2g} (width over"
+        f" speed and {time:g} s of motion) · Courant number at most {run['courant_max']:.1f}"
+    )
+
+
+def _width(scene: dict[str, Any]) -> float:
+    body = scene.get("body")
+    return float((body["diameter"] or body["chord"]) if body else scene["finger"]["width"])
+
+
+def _froude(scene: dict[str, Any], speed: float, tip_height: float) -> float:
+    """By the least depth of the finger below the surface."""
+    depth = scene["tank"]["water_depth"] - max(tip_height, scene["finger"]["root"][1])
+    return float(speed / (_GRAVITY * depth) ** 0.5)
 
 
 def _contact(pinch: dict[str, Any]) -> str:

@@ -5,31 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
-from itertools import chain, islice
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from fileio.child_process import worker_pool
+from fileio.child_process import read_in_child, worker_pool
 from fileio.formats.finger_loads import deflection_sentence, read_loads
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
 from postprocess.evidence.load import read_clock, read_sources, single_finger
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
-from postprocess.report.flow_figures import (
-    Flow,
-    film,
-    film_frames,
-    instant_figures,
-    tip_vortices,
-    vortex_figures,
-)
-from postprocess.report.motion_figures import bending_figure, motion_figure, water_figure
+from postprocess.report.flow_figures import Flow, instant_figures, slider_frames, tip_vortices
+from postprocess.report.motion_figures import bending_figure, water_figure
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
 from postprocess.report.run_figures import camera_picture, mesh_figures, solver_figures
+from postprocess.report.space_figures import space_figures
+from postprocess.report.time_figures import timeline, vortex_figures
 
 _REQUIRED = {
     "sheet.h5": "sheet",
@@ -53,24 +48,18 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     """Draw everything for one scene and level by `threads` processes; returns the index."""
     for name, stage in _REQUIRED.items():  # before minutes of drawing, not after
         files.required(name, stage)
-    scene, album = scene_numbers(files), Album(files.figures)
     loads = files.optional("loads.h5")
+    shown = ["cfd", "piv", "difference"] if files.optional("piv.h5") else ["cfd"]
+    jobs: list[_Job] = [partial(_draw, files, draw) for draw in (_space, _others, _instants)]
+    jobs += [partial(_draw, files, partial(_slider, source=source)) for source in shown]
+    with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
+        entries = list(chain.from_iterable((pool.map if pool else map)(_result, jobs)))
     with _evidence(files) as (flow, _):
-        tip_height = float(flow.planes["cfd"]["tip"].values[..., 1].max())
-        chunks = np.array_split(flow.film_times(), threads)
-        jobs: list[_Job] = [
-            partial(_other_figures, files, scene),
-            *(partial(_film_frames, files, times) for times in chunks),
-            partial(_instant_figures, files),
-        ]
-        with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
-            results = (pool.map if pool else map)(_result, jobs)
-            others = next(results)
-            film(album, flow, chain.from_iterable(islice(results, threads)))
-            entries = [*next(results), *album.entries, *others]
+        tip = flow.planes["cfd"]["tip"].values[:, 0]
     content = {
         "entries": entries,
-        "tip_height": tip_height,
+        "tip_height": float(tip[:, 1].max()),
+        "tip_way": float(np.linalg.norm(np.diff(tip, axis=0), axis=1).sum()),
         "deflection": deflection_sentence(read_loads(loads).attrs) if loads else "",
     }
     FIGURES.write(files.figures / "figures.json", content)
@@ -95,38 +84,50 @@ def _evidence(files: StageFiles) -> Iterator[tuple[Flow, dict[str, Any]]]:
             plane.close()
 
 
-def _instant_figures(files: StageFiles) -> list[dict[str, Any]]:
+def _draw(files: StageFiles, draw: Callable[..., None]) -> list[dict[str, Any]]:
     album = Album(files.figures)
-    with _evidence(files) as (flow, _):
-        instant_figures(album, flow)
-    return album.entries
-
-
-def _film_frames(files: StageFiles, times: np.ndarray) -> list[np.ndarray]:
-    with _evidence(files) as (flow, _):
-        return film_frames(flow, times)
-
-
-def _other_figures(files: StageFiles, scene: dict[str, Any]) -> list[dict[str, Any]]:
-    out, album = files.out, Album(files.figures)
     with _evidence(files) as (flow, comparison):
-        plane, middle = flow.planes["cfd"], comparison["middle_of_stroke_s"]
-        vortex_figures(album, pd.read_csv(out / "comparison.csv"), flow, middle)
-        if plane.sizes["finger"] > 1:
-            single, absent = single_finger(files.numbers)
-            pinch_figures(album, out, flow, comparison["summary"]["pinch"], single, absent)
-        rigid = scene.get("body") is not None
-        motion_figure(album, out / "kinematics.h5", plane, rigid)
-        if not rigid:
-            bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
-            if (out / "loads.h5").exists():
-                water_figure(album, out / "loads.h5")
-        solver_figures(album, out)
-        width, tank = scene["finger"]["width"], scene["tank"]["size"]
-        mesh_figures(album, read_planforms(out / "planform.h5"), plane, width, tank)
-        if (out / "images.h5").exists():
-            camera_picture(album, out / "images.h5", float(np.mean(middle)))
+        draw(album, files, flow, comparison)
     return album.entries
+
+
+def _space(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
+    """In a process of its own: without a library to draw off-screen, VTK ends the process."""
+    try:
+        album.entries += read_in_child(space_figures, album.folder, files.numbers, flow)
+    except ChildProcessError:
+        print(
+            "No picture in space: VTK cannot draw without a screen here; install libegl1 and"
+            " libgl1-mesa-dri (apt), then make the report again"
+        )
+
+
+def _instants(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
+    instant_figures(album, flow)
+
+
+def _slider(
+    album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any], source: str
+) -> None:
+    slider_frames(album, flow, source)
+
+
+def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
+    out, scene = files.out, scene_numbers(files)
+    plane, middle = flow.planes["cfd"], comparison["middle_of_stroke_s"]
+    timeline(album, files, flow, pd.read_csv(out / "comparison.csv"), middle)
+    vortex_figures(album, files, flow, middle)
+    if plane.sizes["finger"] > 1:
+        single, absent = single_finger(files.numbers)
+        pinch_figures(album, out, flow, comparison["summary"]["pinch"], single, absent)
+    if scene.get("body") is None:
+        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
+        if (out / "loads.h5").exists():
+            water_figure(album, out / "loads.h5")
+    solver_figures(album, out)
+    if (out / "images.h5").exists():
+        camera_picture(album, out / "images.h5", float(np.mean(middle)))
+    mesh_figures(album, read_planforms(out / "planform.h5"), plane)
 
 
 def run(scene: Scene, quiet: bool = False, threads: int = 1) -> None:

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 
-from piv.plots.film import write_film
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import series as draw_series
+from postprocess.draw.flow import EDGES
 from postprocess.draw.series import Tracks
-from postprocess.draw.style import NAMES
+from postprocess.draw.style import NAMES, WIDTH
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
+from postprocess.evidence.fields import difference
 from postprocess.evidence.strokes import stroke_window
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.picture_index import Album
 from postprocess.words import quantity
 
-FRAMES = 61  # in slider and film
-_INSTANTS = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the stroke's bend; the last instant is added
+FRAMES = 51  # of the slider
+_INSTANTS = (0.5, 0.8)  # of the stroke's bend; the last instant is added
 _AFTER_CONTACT = (0.0, 0.05, 0.15)  # s: instants shown of a pinch
-_FILM_HZ = 12.0
 
 
 def tip_vortices(
@@ -72,53 +71,41 @@ class Flow(NamedTuple):
         body = "finger" if len(next(iter(self.dominant.values()), [0])) == 1 else "fingers"
         return body, " and ".join(NAMES[source] for source in self.planes)
 
-    def figure(self, **more: float) -> tuple[Figure, Callable[[float], None]]:
-        """As `flow_figure`."""
+    def region(self) -> tuple[float, float, float, float]:
+        """x0, x1, y0, y1 (m) of what every picture shows."""
+        return draw_flow.view_limits(self.planes, self.dominant)
+
+    def images(self, planes: dict[str, xr.Dataset], **more: float) -> Callable[[float], np.ndarray]:
+        """As `flow_figure`, in this region and with one scale of colours for all."""
         limit = draw_flow.vorticity_limit(self.planes["cfd"], self.instants())
         return draw_flow.flow_figure(
-            self.planes, self.dominant, self.scale, limit, tables=self.tables, **more
+            planes, self.dominant, self.scale, limit, self.region(), tables=self.tables, **more
         )
 
 
 def instant_figures(album: Album, flow: Flow) -> None:
-    """Vectors at some instants as pictures."""
+    """Vectors of all sources at some instants as pictures."""
     body, sources = flow.words()
-    figure, show = flow.figure(dpi=170, panel=3.5)
+    show = flow.images(flow.planes, dpi=190, panel=(WIDTH - EDGES) / len(flow.planes))
     for number, time in enumerate(flow.instants()):
-        show(time)
         instant = draw_flow.format_instant(flow.planes["cfd"], time)
         vortices = " ".join(
             _format_vortices(source, fingers, time) for source, fingers in flow.dominant.items()
         )
-        alt = f"Velocity vectors around the black {body} at {instant}, {sources}. {vortices}"
-        # not `save`, which would lay the figure out anew
-        animation.write_picture(animation.pixels(figure), album.folder / f"flow_{number}.png")
-        album.add(None, f"flow_{number}.png", "flow", alt, instant)
+        alt = f"Velocity vectors around the {body} at {instant}, {sources}. {vortices}"
+        animation.write_picture(show(time), album.folder / f"flow_{number}.webp", quality=90)
+        album.add(None, f"flow_{number}.webp", "flow", alt, instant, time=float(time))
 
 
-def film_frames(flow: Flow, times: np.ndarray) -> list[np.ndarray]:
-    """Frames of film and slider at some instants (s)."""
-    figure, show = flow.figure(dpi=88)
-    images = []
-    for time in times:
-        show(time)
-        images.append(animation.pixels(figure))
-    return images
-
-
-def film(album: Album, flow: Flow, images: Iterable[np.ndarray]) -> None:
-    """The stroke as a film and as the frames of the slider, from the frames at `film_times`."""
-    times, (body, sources) = flow.film_times(), flow.words()
-    first, last = times[0], times[-1]
-    frames = animation.write_frames(images, album.folder / "frames")
-    write_film(frames, album.folder / "stroke.mp4", _FILM_HZ)
-    caption = f"One instant, {first:g} s: there is a single field."
-    if last > first:
-        slower = (len(times) - 1) / _FILM_HZ / (last - first)
-        caption = f"The whole stroke, slowed down {slower:.0f} times."
-    alt = f"Film of the flow around the bending {body}, {sources}"
-    album.add(None, "stroke.mp4", "film", alt, caption)
-    album.add(None, "frames", "slider", f"Flow around the {body}, {sources}", times=times.tolist())
+def slider_frames(album: Album, flow: Flow, source: str) -> None:
+    """One source, or the "difference" of both, at the instants of the slider."""
+    times, (body, _) = flow.film_times(), flow.words()
+    planes = flow.planes
+    plane = planes.get(source) or difference(planes["cfd"], planes["piv"], times)
+    show = flow.images({source: plane}, panel=WIDTH - EDGES, dpi=100)
+    animation.write_frames(map(show, times), album.folder / source)
+    alt, name = f"Flow around the {body}, {NAMES[source]}", NAMES[source]
+    album.add(None, source, "slider", alt, name, times=times.tolist())
 
 
 def _format_vortices(source: str, fingers: list[pd.DataFrame], time: float) -> str:
@@ -134,38 +121,3 @@ def _format_vortices(source: str, fingers: list[pd.DataFrame], time: float) -> s
         side = now["side"] or "undecided"
         sentences.append(f"{name}: tip vortex {sense} on the {side} side, {strength}.")
     return " ".join(sentences)
-
-
-def vortex_figures(
-    album: Album, series: pd.DataFrame, flow: Flow, middle: tuple[float, float]
-) -> None:
-    """Circulation and paths of the tip vortices, and the agreement of PIV and CFD over time.
-
-    `series`: comparison.csv; `middle`: of the stroke, s.
-    """
-    dominant = flow.dominant
-    if dominant:
-        bands = ", ".join(NAMES[s] for s in draw_series.has_band(dominant))
-        caption = (
-            f"Bands: 95 % of {bands}."
-            if bands
-            else "The tables carry no uncertainty, so no band is drawn."
-        )
-        alt = "Circulation and radius of the tip vortex over time, CFD and PIV where run."
-        figure = draw_series.circulation(dominant, middle)
-        album.add(figure, "circulation.svg", "vortex", alt, caption)
-        alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
-        caption = "Outline at the first, middle and last instant."
-        figure = draw_series.paths(dominant, flow.planes["cfd"], middle)
-        album.add(figure, "paths.svg", "vortex", alt, caption)
-    if "velocity_rms_difference" in series:
-        alt = (
-            "RMS velocity difference, correlation and distance of vortex centres between PIV and"
-            " CFD over time."
-        )
-        caption = (
-            "No correlation is given while the water is at rest."
-            " The middle of the stroke is shaded."
-        )
-        figure = draw_series.agreement(series, flow.scale, middle)
-        album.add(figure, "agreement.svg", "vortex", alt, caption)

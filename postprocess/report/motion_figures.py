@@ -1,37 +1,17 @@
-"""Pictures of the motion: pressure, bend and tip speed, and the states behind it."""
+"""Pictures of the finger: the states behind its motion, and what the water does to it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
 from postprocess.draw import water as draw_water
-from postprocess.evidence.strokes import REST, peak_tip_speed, tip_speed
+from postprocess.evidence.strokes import REST
 from postprocess.report.picture_index import Album
-
-
-def motion_figure(album: Album, path: Path, plane: xr.Dataset, rigid: bool) -> None:
-    """Pressure, bend and tip speed over time; of a rigid body its path or turn and its speed."""
-    kinematics = read_kinematics(path)
-    clock, drive = kinematics.law.x, kinematics.data["pressure"].values
-    times, tip = plane["time"].values, plane["tip"].values
-    turn = np.degrees(plane["bend"].values[:, 0])
-    speed = (times, tip_speed(times, tip)[:, 0], "tip speed, m/s")
-    if not rigid:
-        rows = [(clock, drive / 1e3, "pressure, kPa"), (times, turn, "bend angle, °"), speed]
-        alt = "Pressure, bend angle and tip speed over time."
-    else:
-        turns = np.ptp(turn) > REST
-        drive, name = (np.degrees(drive), "turn, °") if turns else (drive, "distance, m")
-        rows, alt = [(clock, drive, name), speed], "Motion of the body over time."
-    peak, at = peak_tip_speed(times, tip)
-    caption = f"Peak tip speed {peak:.3f} m/s at {at:.3f} s."
-    album.add(draw_series.motion(rows), "motion.svg", "motion", alt, caption)
 
 
 def water_figure(album: Album, path: Path) -> None:

@@ -26,8 +26,21 @@ class Album:
         caption: str = "",
         **more: Any,
     ) -> None:
-        """Save a figure (None: the file is there already) and list it in a section."""
+        """Save a figure (None: the file is there already) and list it in a section.
+
+        A figure over time is listed with its axis, so that the page can show an instant in it.
+        """
         if figure is not None:
             save(figure, self.folder / name)
+            more |= time_axis(figure)
         entry = {"file": name, "section": section, "alt": alt, "caption": caption}
         self.entries.append(entry | more)
+
+
+def time_axis(figure: Figure) -> dict[str, Any]:
+    """`axis`: left and right end in parts of the width, and their times (s); empty without one."""
+    over = [ax for ax in figure.axes if ax.get_xlabel() == "time, s"]
+    if not over or len({(ax.get_xlim(), ax.get_position().x0) for ax in figure.axes}) > 1:
+        return {}
+    place = over[0].get_position()
+    return {"axis": [place.x0, place.x1, *map(float, over[0].get_xlim())]}

@@ -13,6 +13,8 @@ from postprocess.compare.pinch_summary import APPROACH
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
+from postprocess.draw.flow import EDGES
+from postprocess.draw.style import WIDTH
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, pair_of, vortex_of
 from postprocess.evidence.time_windows import Clock, gap_reached
@@ -110,15 +112,16 @@ def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
     ]
     shown = {"cfd": [vortex for vortex in marked if len(vortex)]}
     for name, time in instants.items():
-        figure, show = draw_flow.flow_figure({"cfd": plane}, shown, flow.scale, limit, dpi=140)
-        show(time)
-        animation.write_picture(animation.pixels(figure), album.folder / f"pair_{name}.png")
+        show = draw_flow.flow_figure(
+            {"cfd": plane}, shown, flow.scale, limit, flow.region(), dpi=190, panel=WIDTH - EDGES
+        )
+        animation.write_picture(show(time), album.folder / f"pair_{name}.webp", quality=90)
         gap = f"{clock.gap_at(np.array([time]))[0] * 1e3:.1f} mm of gap"
         between = "downward" if name == "dorsal" else "upward"
         text = f"The {name} pair, flow between it {between}, {time:.3f} s, {gap}"
         alt = f"Velocity vectors and vorticity of the CFD. {text}."
         caption = f"{text}. Circles: vortices by integrals, radius as the core's."
-        album.add(None, f"pair_{name}.png", "pinch", alt, caption)
+        album.add(None, f"pair_{name}.webp", "pinch", alt, caption)
 
 
 def _free_gap(path: Path, time: np.ndarray) -> np.ndarray:

@@ -8,41 +8,35 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.recording import open_recording_file
-from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
+from fileio.formats.records import HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
+from postprocess.draw.style import HEIGHT, WIDTH
 from postprocess.evidence.strokes import REST, progress
 from postprocess.report.picture_index import Album
 from postprocess.report.wording import balance_sentence
 
 
 def solver_figures(album: Album, out: Path) -> None:
-    """The solver's tables and the mesh's quality over time or bend."""
-    power = POWER.read(out / "run/power.csv")
-    alt = "Force of the water on the finger over time."
-    figure = draw_solver.forces(FORCES.read(out / "run/forces.csv"))
-    album.add(figure, "forces.svg", "run", alt)
-    album.add(draw_solver.power(power), "power.svg", "run", "Power balance over time.")
-    figure = draw_solver.history(HISTORY.read(out / "run/history.csv"))
-    album.add(figure, "history.svg", "run", "Courant number and continuity error over time.")
-    alt = "Non-orthogonality, skewness and area ratio over the bend angle."
-    figure = draw_solver.mesh_quality(MESH_QUALITY.read(out / "mesh_quality.csv"))
-    album.add(figure, "mesh_quality.svg", "mesh", alt)
-    alt = "What viscosity and the schemes take from the flow over time."
-    figure = draw_solver.losses(power, POWER_TERMS.read(out / "run/power_terms.csv"))
+    """Where the finger's work goes; the time step and the mesh."""
+    terms = POWER_TERMS.read(out / "run/power_terms.csv")
+    figure = draw_solver.energy(POWER.read(out / "run/power.csv"), terms)
+    alt = "Work of the finger over time, and what it has become, stacked."
     caption = balance_sentence(RUN.read(out / "run/run.json")["power_balance"])
-    album.add(figure, "losses.svg", "run", alt, caption)
+    album.add(figure, "energy.svg", "run", alt, caption)
+    history = HISTORY.read(out / "run/history.csv")
+    figure = draw_solver.numerics(history, MESH_QUALITY.read(out / "mesh_quality.csv"))
+    alt = "Courant number over time; non-orthogonality and skewness of the mesh over the bend."
+    caption = (
+        "Good: non-orthogonality below 65° and skewness below 4 at every bend, where OpenFOAM's"
+        " checkMesh begins to warn."
+    )
+    album.add(figure, "numerics.svg", "run", alt, caption)
 
 
-def mesh_figures(
-    album: Album,
-    planforms: list[dict[str, np.ndarray]],
-    plane: xr.Dataset,
-    width: float,
-    tank: list[float],
-) -> None:
-    """The planform at three bends, and the finger (`width` in m) in the tank (size in m)."""
+def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:
+    """The planform at three bends."""
     outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
     limits = (low[0], high[0], low[1], high[1])
@@ -65,11 +59,10 @@ def mesh_figures(
         draw_mesh.edges([mesh["triangles"][mesh["body"] == 0], mesh["quads"]]) for mesh in used
     ]
     alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
-    album.add(draw_mesh.planform(shapes, at, lines, limits), "planform.png", "mesh", alt)
-    bodies = outline[_nearest_shape([now], known[drawn[1][0]][drawn[1][1]])[1]]
-    figure = draw_mesh.view_in_space(shapes[1], lines[1], bodies, width, np.array(tank))
-    alt = "The finger and the mesh on the laser sheet inside the tank, seen in space."
-    album.add(figure, "view3d.png", "mesh", alt, "Half-way through the stroke.")
+    caption = "The mesh in the laser sheet follows the finger; its layers at the wall stay."
+    image = animation.drawn(draw_mesh.planform(shapes, at, lines, limits))
+    animation.write_picture(image, album.folder / "planform.webp", quality=80)
+    album.add(None, "planform.webp", "mesh", alt, caption)
 
 
 def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:
@@ -84,8 +77,9 @@ def camera_picture(album: Album, recording: Path, time: float) -> None:
     with open_recording_file(recording) as file:
         index = int(np.argmin(np.abs(file["time"][:] - time)))
         image, at = file["frames"][index].astype(float), float(file["time"][index])
-    grey = np.clip(image / np.percentile(image, 99.7), 0, 1) * 255
+    rows = round(image.shape[1] * HEIGHT / WIDTH)  # of the shape of the figures beside it
+    grey = np.clip(image[:rows] / np.percentile(image, 99.7), 0, 1) * 255
     animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
     caption = f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures."
-    album.add(None, "camera.webp", "camera", alt, caption)
+    album.add(None, "camera.webp", "run", alt, caption)

@@ -14,12 +14,12 @@ from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import Scene
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.report import trust, wording
-from postprocess.report.assumptions import statements
+from postprocess.report.assumptions import flow_numbers, purpose, statements
 from postprocess.report.page_template import page_template
 from postprocess.report.pinch_table import pinch_table
 
-MAX_BYTES = 15_000_000  # a browser opens it with ease
-_MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".mp4": "video/mp4"}
+MAX_BYTES = 10_000_000  # a browser opens it with ease
+_MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".webm": "video/webm"}
 
 
 def make_report(files: StageFiles) -> Path:
@@ -31,7 +31,8 @@ def make_report(files: StageFiles) -> Path:
     figures = FIGURES.read(index)
     numerics, trial = trust.level_error([run_scene.folder, *run_scene.parents], files.level)
     sections = _sections(figures["entries"], index.parent)
-    slider = sections.get("slider", [None])[0]
+    slider = sections["slider"]
+    sentences, unquoted = wording.quoted(comparison, sections["flow"], bool(trial))
     pinch = comparison["summary"].get("pinch")
     body = scene.get("body")
     page = page_template("report.html").render(
@@ -39,19 +40,29 @@ def make_report(files: StageFiles) -> Path:
         scene=files.scene,
         level=files.level,
         agrees=None if trial else comparison["verdict"]["agrees"],
+        purpose=purpose(scene, trial, comparison["scale"]["value"], figures["tip_height"]),
+        flow_numbers=flow_numbers(scene, comparison["scale"]["value"], figures["tip_way"], run),
         answer=wording.answer(comparison, trial),
         numerics=numerics,
         power=wording.power_sentence(run["power_balance"]),
         deflection=figures["deflection"],
         tiles=wording.tiles(comparison),
-        rows=wording.rows(comparison),
-        sentences=wording.sentence_rows(comparison),
+        rows=wording.rows(comparison, bool(trial)),
+        sentences=sentences,
+        unquoted=unquoted,
         middle=comparison["middle_of_stroke_s"],
         sections=sections,
         pinch=pinch,
         pinch_table=pinch_table(pinch) if pinch else None,
         slider=slider,
-        slider_data=slider and json.dumps({key: slider[key] for key in ("times", "frames")}),
+        middle_frame=len(slider[0]["times"]) // 2,
+        slider_data=json.dumps(
+            {
+                "times": slider[0]["times"],
+                "frames": [entry["frames"] for entry in slider],
+                "texts": sections["timeline"][0]["texts"],
+            }
+        ),
         notes=wording.absences(comparison, sections, finger=not body),
         body="fingers" if pinch else "body" if body else "finger",
         modelled=statements(scene, comparison["scale"]["value"], figures["tip_height"]),

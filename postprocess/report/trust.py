@@ -24,6 +24,10 @@ def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
     `scenes`: the scene's folder and those that it extends, nearest first; the first with a
     studies/results/tradeoff.csv that has the level counts.
     """
+    unknown = (
+        f"Level {level}: its numerical error was not measured for this scene"
+        f" (make tradeoff SCENE={scenes[0].resolve().name} measures it)."
+    )
     for folder in scenes:
         path = folder / "studies" / "results" / "tradeoff.csv"
         table = pd.read_csv(path, comment="#") if path.exists() else None
@@ -32,12 +36,9 @@ def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
         rows = table[(table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()]
         if len(rows):
             best = table.loc[table["cells"].idxmax()]
-            return _sentence(rows.iloc[0], best, folder.resolve().name, level)
-    return (
-        f"Level {level}: its numerical error was not measured for this scene"
-        f" (make tradeoff SCENE={scenes[0].resolve().name} measures it).",
-        "",
-    )
+            sentence, trial = _sentence(rows.iloc[0], best, folder.resolve().name, level)
+            return (sentence if folder == scenes[0] else f"{unknown} {sentence}"), trial
+    return unknown, ""
 
 
 def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[str, str]:
@@ -52,10 +53,7 @@ def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[
         else f"against level {best['level']}, the finest that was run, whose own error is estimated"
         f" at {quantity(float(best['error']), 'fraction')}"
     )
-    trial = (
-        f"level {level} shows that everything works, its numbers are wrong by up to"
-        f" {100 * row['error']:.0f}{NBSP}%"
-    )
+    trial = f"those of level {level} are wrong by up to {100 * row['error']:.0f}{NBSP}%"
     return (
         f"Level {level} errs by {shown[worst]} at worst ({known[worst]}); {rest}: {against},"
         f" on scene {scene}.",

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, quantity
+from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, minus, quantity
 
 
 def balance_sentence(balance: dict[str, Any]) -> str:
     """What has become of the finger's work, of run.json's `power_balance`."""
     work, taken = abs(balance["work"]) or 1.0, balance["taken"]
-    parts = {name: f"{value / work:.0%}" for name, value in taken.items()}
+    rest = minus(f"{balance['unexplained_fraction']:.1%}")
+    parts = {name: minus(f"{value / work:.0%}") for name, value in taken.items()}
     return (
         f"Of the finger's work on the water, {balance['work'] * 1e3:.3f}{NBSP}mJ,"
         f" {balance['kinetic_energy'] / work:.0%} is kinetic energy at the end; viscosity has taken"
         f" {parts['viscous']}, the convection scheme {parts['convection']}, the coupling of"
-        f" pressure and velocity {parts['coupling']}; {balance['unexplained_fraction']:.1%} is"
+        f" pressure and velocity {parts['coupling']}; {rest} is"
         " unexplained. What the schemes take acts as viscosity of the mesh: the computed vortices"
         " lose it sooner than those in the water."
     )
@@ -44,17 +45,38 @@ def _requirement(check: dict[str, Any]) -> str:
     return f"{sign}{quantity(value, unit)}{extra}"
 
 
-def sentence_rows(comparison: dict[str, Any]) -> list[tuple[str, str, str, str, str]]:
-    """The paper's sentences: quote, where, reading, what was measured or why not, verdict."""
+_SENTENCES = {"met": True, "not met": False}
+
+
+def _word(met: bool | None, trial: bool) -> str:
+    return "not judged" if trial else VERDICTS[met]
+
+
+def quoted(
+    comparison: dict[str, Any], pictures: list[dict[str, Any]], trial: bool = False
+) -> tuple[list[tuple[dict[str, Any] | None, list[dict[str, Any]]]], list[dict[str, Any]]]:
+    """The paper's sentences beside the picture of their time, and the pictures that remain.
+
+    A sentence that no finding tests has none; a trial judges nothing.
+    """
     checks = {check["id"]: check for check in comparison["checks"]}
-    rows = []
+    groups: dict[int | None, list[dict[str, Any]]] = {}
     for entry in comparison.get("sentences", []):
-        measured = [
-            f"{checks[name]['label']}: {measured_text(checks[name])}" for name in entry["findings"]
-        ]
+        tested = [checks[name] for name in entry["findings"]]
+        measured = [f"{check['label']}: {measured_text(check)}" for check in tested]
         text = "; ".join(measured) + (". " if measured and entry["why"] else "") + entry["why"]
-        rows.append((entry["quote"], entry["where"], entry["reading"], text, entry["verdict"]))
-    return rows
+        met = None if trial else _SENTENCES.get(entry["verdict"])
+        word = _word(met, trial) if entry["findings"] else "not tested"
+        windows = [check["window_s"] for check in tested if check["window_s"]]
+        beside = None
+        if windows:
+            time = sum(windows[0]) / 2
+            beside = min(range(len(pictures)), key=lambda k: abs(pictures[k]["time"] - time))
+        row = entry | {"measured": text[:1].upper() + text[1:], "met": met, "word": word}
+        groups.setdefault(beside, []).append(row)
+    shown = sorted(groups, key=lambda k: len(pictures) if k is None else k)
+    rest = [picture for k, picture in enumerate(pictures) if k not in groups]
+    return [(None if k is None else pictures[k], groups[k]) for k in shown], rest
 
 
 def answer(comparison: dict[str, Any], trial: str = "") -> str:
@@ -67,23 +89,27 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
         shown = sum(check["met_by"].get("cfd") is True for check in paper)
         findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
         return (
-            f"Not judged: PIV was not run at level {comparison['level']}, so this page shows the"
-            f" simulation alone{findings}."
+            f"Cannot be said: PIV was not run at level {comparison['level']}, so this page shows"
+            f" the simulation alone{findings}."
         )
     agrees = comparison["verdict"]["agrees"]
     subject = "PIV of pictures made from this simulation"
     if trial:
-        then = {True: " and agrees with it", False: " and misses a limit of full levels", None: ""}
-        start = f"A trial: {trial}. {subject} works{then[agrees]}"
-    else:
-        start = {
-            True: f"Yes, {subject} agrees with it",
-            False: f"No, {subject} does not agree with it in every check",
-            None: "Not fully judged",
-        }[agrees]
+        return f"Works; its numbers are not those of the finger: {trial}."
+    start = {
+        True: f"Agrees: {subject} shows its flow",
+        False: f"Differs: {subject} does not agree with it in {_failing(comparison, False)}",
+        None: f"Cannot be said in {_failing(comparison, None)}: {comparison['resolution']['cure']}",
+    }[agrees]
     met = sum(check["met"] is True for check in paper)
     findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""
-    return f"{start}: over the middle of the stroke {_numbers(comparison)}{findings}."
+    return f"{start}; over the middle of the stroke {_numbers(comparison)}{findings}."
+
+
+def _failing(comparison: dict[str, Any], met: bool | None) -> str:
+    """The agreement checks of one verdict by what they measure."""
+    checks = (c for c in comparison["checks"] if c["kind"] == "agreement" and c["met"] is met)
+    return ", ".join(check["label"] for check in checks)
 
 
 def _numbers(comparison: dict[str, Any]) -> str:
@@ -111,8 +137,8 @@ def _numbers(comparison: dict[str, Any]) -> str:
     )
 
 
-def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
-    """The verdict table: one row per check, everything as text but `met`."""
+def rows(comparison: dict[str, Any], trial: bool = False) -> list[dict[str, Any]]:
+    """The verdict table: one row per check, all as text but `met`; a trial judges nothing."""
     out = []
     for check in comparison["checks"]:
         window = check["window_s"]
@@ -121,7 +147,8 @@ def rows(comparison: dict[str, Any]) -> list[dict[str, Any]]:
             (PAIRS[of], quantity(value, check["unit"]), check["met_by"].get(of))
             for of, value in check["measured"].items()
         ]
-        more = {"required": _requirement(check), "word": VERDICTS[check["met"]]}
+        met = None if trial else check["met"]
+        more = {"required": _requirement(check), "word": _word(met, trial), "met": met}
         out.append(check | more | {"measured": measured, "window": check["window"] + seconds})
     return out
 
@@ -154,7 +181,7 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
             remark = f"RMS where both find it; worst instant {worst}"
             out.append((quantity(pair[key.format("rms")], unit), name, remark))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
-    remark = f"of the peak tip speed; correlation {quantity(pair['velocity_correlation'], '1')}"
+    remark = "of the peak tip speed, over all vectors"
     return [*out, (value, "velocity difference (RMS)", remark)]
 
 
@@ -170,8 +197,9 @@ def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool)
         " compared.": has_piv and "piv" not in seen,
         "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not"
         " drawn.": "cfd" not in seen,
-        "No recording (images.h5) is kept for this level, so no camera picture is shown.": "camera"
-        not in sections,
+        "No recording (images.h5) is kept for this level, so no camera picture is shown.": not any(
+            entry["file"] == "camera.webp" for entry in sections["run"]
+        ),
         "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands"
         " show the measurement alone.": finger,
     }

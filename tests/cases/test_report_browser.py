@@ -6,10 +6,13 @@ import json
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.scene.scene import load_scene
+from piv.plots.film import write_film
 from postprocess.compare.stage import compare
+from postprocess.draw.animation import write_picture
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.lab.report.report import page as lab_report
 from postprocess.report import figures, flow_figures
@@ -25,6 +28,7 @@ pytestmark = pytest.mark.skipif(
 )
 HOME, RIGHT, END = "\ue011", "\ue014", "\ue010"  # WebDriver's key codes
 FRAMES = 7
+FILM_HZ = 10.0
 OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
 AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 
@@ -37,8 +41,19 @@ def page(tmp_path_factory):
     compare(files)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(flow_figures, "FRAMES", FRAMES)
+        patch.setattr(figures, "_space", made_up_film)
         figures.make_figures(files)
     return make_report(files).resolve().as_uri()
+
+
+def made_up_film(album, *_):
+    """In place of the flow in space, which takes the fields of a run."""
+    images = [np.full((64, 80, 3), 20 * k, np.uint8) for k in range(FRAMES)]
+    for name in ("space_middle.webp", "space_end.webp"):
+        write_picture(images[0], album.folder / name)
+        album.add(None, name, "space", "A made-up picture in space")
+    write_film(images, album.folder / "space.webm", FILM_HZ)
+    album.add(None, "space.webm", "film", "A made-up film in space", "A film.")
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +135,7 @@ def shown(browser):
 
 def test_the_page_opens_without_errors_and_without_a_request(browser):
     assert "CFD and PIV" in browser.run("return document.title")
-    assert browser.run("return document.getElementById('answer').textContent").startswith("Yes")
+    assert browser.run("return document.getElementById('answer').textContent").startswith("Agrees")
     assert browser.run("return [...document.images].every(i => i.complete && i.naturalWidth > 0)")
     assert not [e for e in browser.log("browser") if e["level"] in ("SEVERE", "WARNING")]
     events = [json.loads(entry["message"])["message"] for entry in browser.log("performance")]
@@ -146,6 +161,36 @@ def test_the_slider_moves_by_keyboard(browser):
     assert browser.run("return document.getElementById('instant').value") == str(FRAMES - 1)
 
 
+def test_sources_switch_and_figures_over_time_follow_and_set_the_instant(browser):
+    browser.keys("#instant", HOME)
+    flow = shown(browser)[1]
+    browser.click("#switch label:nth-of-type(2) input")
+    assert shown(browser)[1] != flow
+    line = "document.querySelector('figure[data-axis] i').style.left"
+    first = browser.run(f"return {line}")
+    browser.keys("#instant", END)
+    assert browser.run(f"return {line}") != first
+    assert "bend" in browser.run("return document.getElementById('values').textContent")
+    browser.click("figure[data-axis] .plot")  # WebDriver clicks in the middle
+    assert 0 < int(browser.run("return document.getElementById('instant').value")) < FRAMES - 1
+
+
+def test_without_scripts_the_page_is_whole_and_offers_no_dead_control(browser, page):
+    browser.devtools("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.open(page)
+        style = "getComputedStyle(document.querySelector('{}')).display"
+        shown = {
+            css: browser.devtools(
+                "Runtime.evaluate", expression=style.format(css), returnByValue=True
+            )["result"]["value"]
+            for css in (".controls", "#switch", "#frame")
+        }
+    finally:
+        browser.devtools("Emulation.setScriptExecutionDisabled", value=False)
+    assert shown == {".controls": "none", "#switch": "none", "#frame": "block"}
+
+
 def test_play_and_pause(browser):
     browser.keys("#instant", HOME)
     start = shown(browser)[0]
@@ -167,7 +212,7 @@ def test_the_film_can_be_decoded(browser):
     assert browser.run(f"return {video}.videoWidth") > 0
     length = browser.run(f"return {video}.duration || 0")
     # a container rounds to its time base
-    assert length == pytest.approx(FRAMES / flow_figures._FILM_HZ, abs=0.05)
+    assert length == pytest.approx(FRAMES / FILM_HZ, abs=0.05)
 
 
 @pytest.mark.parametrize("width", [360, 400, 768, 1024, 1300, 1920])

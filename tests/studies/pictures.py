@@ -14,6 +14,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
 
 from fileio.atomic import write_bytes
 from fileio.command import guarded
@@ -26,24 +27,33 @@ from piv.synthetic.virtual_camera import Recorder
 from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from postprocess.draw.animation import write_picture
 from tests.analytic.piv.tip_scene import tip_scene
 
 DOCS = Path("docs")
-PINCH = ("pair_dorsal.png", "pair_ventral.png", "integrals.svg", "pair.svg", "centreline.svg",
-         "closing.svg")  # fmt: skip
+COPIED = ("pair_dorsal.webp", "pair_ventral.webp", "integrals.svg", "pair.svg", "centreline.svg",
+          "closing.svg", "space_end.webp")  # fmt: skip
 
 
 def copy_figures(scene: str, level: str) -> None:
-    """The picture half-way through a run, which of a pinch is about contact, and a pinch's own."""
+    """The picture half-way through a run, which of a pinch is about contact, and others it has."""
     figures = load_scene(Path("cases") / scene, level).out / "figures"
     name = scene if level == "coarse" else f"{scene}_{level}"
-    flow = sorted(figures.glob("flow_*.png"))
+    flow = sorted(figures.glob("flow_*.webp"))
     if not flow:
-        raise StageError(f"{figures}: no flow_*.png; run make {scene} LEVEL={level} first")
-    write_bytes(DOCS / f"{name}.png", flow[len(flow) // 2].read_bytes())
-    for figure in PINCH:
+        raise StageError(f"{figures}: no flow_*.webp; run make {scene} LEVEL={level} first")
+    _copy(flow[len(flow) // 2], DOCS / name)
+    for figure in COPIED:
         if (figures / figure).exists():
-            write_bytes(DOCS / f"{name}_{figure}", (figures / figure).read_bytes())
+            _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
+
+
+def _copy(picture: Path, target: Path) -> None:
+    """A picture of a page as the docs have it: SVG as it is, others as PNG."""
+    if picture.suffix == ".svg":
+        write_bytes(target.with_suffix(".svg"), picture.read_bytes())
+    else:
+        write_picture(np.asarray(Image.open(picture)), target.with_suffix(".png"))
 
 
 def vortices(path: Path) -> None:

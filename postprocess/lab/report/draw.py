@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure
+from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure
 
-COLOUR = {"data": THIRD, "virtual": PIV, "direct": CFD}
+COLOUR = {"data": LAB, "virtual": PIV, "direct": CFD}
 NAME = {"data": "laboratory (DPIV)", "virtual": "simulation, seen by the same PIV"}
 NAME["direct"] = "simulation, direct"
 K95 = 1.96
@@ -33,7 +33,7 @@ def series(
         if side in half:
             low, high = ((values + s * K95 * half[side]) * unit for s in (-1, 1))
             ax.fill_between(time, low, high, color=COLOUR[side], alpha=0.2, lw=0)
-    ax.axvspan(*window, color="#f0e9d8", zorder=0, label="compared")
+    ax.axvspan(*window, color=SHADED, zorder=0, label="compared")
     ax.set(xlabel="time of the simulation, s", ylabel="circulation, cm²/s")
     ax.set_title("Tip vortex of the nominal run; bands hold 95 % of each instant")
     ax.legend(loc="best")
@@ -46,7 +46,7 @@ def motion(
     """Bend angle over time: simulation, fitted law, and single frames at `times` (s)."""
     figure, ax = new_figure(8.8, 3.8)
     ax.plot(table["time"], table["bend_deg_direct"], color=CFD, label="simulation")
-    ax.plot(table["time"], table["bend_deg_data"], color=THIRD, label="recording, fitted law")
+    ax.plot(table["time"], table["bend_deg_data"], color=LAB, label="recording, fitted law")
     if times.size:
         ax.plot(times, np.degrees(bends), ".", color=GREY, ms=5, label="recording, single frames")
     law = f"factor {registration['pressure_factor']:.3f}, duration × {registration['stretch']:.3f}"

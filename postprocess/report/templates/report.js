@@ -1,16 +1,33 @@
 "use strict";
+document.documentElement.classList.add("scripted");
 const data = JSON.parse(document.getElementById("frames").textContent);
-const picture = document.getElementById("frame");
-const slider = document.getElementById("instant");
-const shown = document.getElementById("shown");
-const button = document.getElementById("play");
+const [picture, slider, shown, button, values] =
+  ["frame", "instant", "shown", "play", "values"].map(id => document.getElementById(id));
 const INTERVAL = 90; // ms between frames while playing
-let timer = null;
+let source = 0, timer = null;
+
+// a line at the shown instant in every figure over time; a click there shows that instant
+const cursors = [...document.querySelectorAll("figure[data-axis]")].map(figure => {
+  const [left, right, first, last] = figure.dataset.axis.split(" ").map(Number);
+  const plot = figure.querySelector(".plot"), line = plot.appendChild(document.createElement("i"));
+  plot.addEventListener("click", event => {
+    const part = (event.clientX - plot.getBoundingClientRect().left) / plot.clientWidth;
+    const time = first + (part - left) / (right - left) * (last - first);
+    const apart = data.times.map(t => Math.abs(t - time));
+    stop();
+    show(apart.indexOf(Math.min(...apart)));
+  });
+  return time => { line.style.left = 100 * (left + (time - first) / (last - first) * (right - left)) + "%"; };
+});
 
 function show(index) {
-  picture.src = data.frames[index];
-  shown.textContent = data.times[index].toFixed(3) + " s";
+  const time = data.times[index];
+  slider.value = index;
+  picture.src = data.frames[source][index];
+  shown.textContent = time.toFixed(3) + " s";
+  values.textContent = data.texts[index];
   slider.setAttribute("aria-valuetext", shown.textContent);
+  cursors.forEach(move => move(time));
 }
 
 function stop() {
@@ -23,12 +40,13 @@ function stop() {
 function play() {
   button.textContent = "Pause";
   button.setAttribute("aria-pressed", "true");
-  timer = setInterval(() => {
-    slider.value = (Number(slider.value) + 1) % data.frames.length;
-    show(Number(slider.value));
-  }, INTERVAL);
+  timer = setInterval(() => show((Number(slider.value) + 1) % data.times.length), INTERVAL);
 }
 
 slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
 button.addEventListener("click", () => (timer === null ? play() : stop()));
+document.getElementById("switch").addEventListener("change", event => {
+  source = Number(event.target.value);
+  show(Number(slider.value));
+});
 show(Number(slider.value));

@@ -15,6 +15,7 @@ from pipeline.openfoam.foamfile import binary_list, header, write_bytes, write_f
 from pipeline.openfoam.ranks import collated_content
 from pipeline.run.map_fields import swept_cells
 from pipeline.view.command import write_series
+from pipeline.view.fields import RunFields
 from pipeline.view.grids import X, Z
 from tests.conftest import meshes_of, prepare, write_scene
 
@@ -92,9 +93,10 @@ def quarter(closing, tmp_path_factory):
 
 def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
     series = shown(quarter)
-    assert [time for time, _ in series] == [round(i.end, 8) for i in read_intervals(closing.out)]
+    ends = [round(i.end, 8) for i in read_intervals(closing.out)]
+    assert [time for time, _ in series] == [0.0, *ends]
     assert len(shown(quarter, "walls")) == len(series)
-    for (time, grid), mesh in zip(series, meshes_of(closing), strict=True):
+    for (time, grid), mesh in zip(series[1:], meshes_of(closing), strict=True):
         cells = swept_cells(mesh, time)
         volume = grid.compute_cell_sizes(length=False, area=False)["Volume"]
         # faces of VTK's hexahedra are no planes
@@ -103,7 +105,10 @@ def test_every_instant_of_every_interval_is_shown_once(closing, quarter):
 
 
 def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
-    for _, grid in shown(quarter):
+    start, *later = (grid for _, grid in shown(quarter))
+    assert not np.any(start["velocity"])
+    assert not np.any(start["q"])
+    for grid in later:
         x, y, _ = grid.cell_centers().points.T
         size = TURN * np.hypot(x, y).max()
         # float32; VTK's cell centres are means of corners, the run's are centroids
@@ -113,10 +118,13 @@ def test_velocity_pressure_and_vorticity_are_those_of_the_run(closing, quarter):
         # VTK takes gradients from means at corners, which are not exact on coarse cells
         middle = float(np.median(grid["vorticity"][:, 2])) / (2 * TURN)
         assert 0.85 < middle < 1.15, middle
+        turning = float(np.median(grid["q"])) / TURN**2  # of a solid body there is no strain
+        assert 0.85**2 < turning < 1.15**2, turning
 
 
 def test_the_walls_are_the_finger_where_it_is_then(closing, quarter):
-    for (time, grid), mesh in zip(shown(quarter, "walls"), meshes_of(closing), strict=True):
+    series = shown(quarter, "walls")[1:]
+    for (time, grid), mesh in zip(series, meshes_of(closing), strict=True):
         outline = mesh.motion.nodes(time)[mesh.planform["wall"].values]
         np.testing.assert_allclose(grid.bounds[:4:2], outline.min(axis=0), atol=1e-6)
         np.testing.assert_allclose(grid.bounds[1:4:2], outline.max(axis=0), atol=1e-6)
@@ -139,6 +147,19 @@ def test_the_whole_tank_is_the_quarter_and_its_images(closing, quarter, tmp_path
         for name, sign in signs.items():
             images = tank[name].reshape(4, -1, 3)
             np.testing.assert_array_equal(images, np.array(sign)[:, None] * part[name])
+
+
+def test_between_two_instants_values_are_linear_in_the_cells_as_they_move(closing):
+    fields = RunFields(closing)
+    end = fields.instants[1].time
+    (late, _), (half, walls) = (fields.grids(time) for time in (end, end / 2))
+    np.testing.assert_allclose(half["velocity"], late["velocity"] / 2, atol=1e-6)
+    first = meshes_of(closing)[0]
+    outline = first.motion.nodes(end / 2)[first.planform["wall"].values]
+    np.testing.assert_allclose(walls.bounds[:4:2], outline.min(axis=0), atol=1e-6)
+    x0, x1, y0, y1 = walls.bounds[:4]
+    near, _ = fields.grids(end, (x0, x1, y0, y1, -1.0, 1.0))
+    assert 0 < near.n_cells < late.n_cells
 
 
 def test_only_missing_and_old_files_are_written(closing, quarter, tmp_path):

@@ -1,0 +1,129 @@
+"""What the slider is linked to, the vortex's way, and the same over several levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.records import FORCES
+from postprocess.draw import series as draw_series
+from postprocess.draw.flow import EDGES
+from postprocess.draw.series import Curve, Panels, over_time
+from postprocess.draw.style import CFD, FIRST, PIV, SECOND, WIDTH
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.evidence.strokes import REST
+from postprocess.report.flow_figures import Flow
+from postprocess.report.picture_index import Album
+from postprocess.words import minus
+
+_LEVELS = ("draft", "coarse", "medium", "fine", "reference")
+_TONES = ("#9ecae9", "#4d9bd0", CFD, "#0b3c6d", FIRST)  # light to dark as the grid is refined
+
+
+def timeline(
+    album: Album,
+    files: StageFiles,
+    flow: Flow,
+    series: pd.DataFrame,
+    middle: tuple[float, float],
+) -> None:
+    """Motion, circulation, force and agreement over time, with their values at each instant.
+
+    `series`: comparison.csv; `middle`: of the stroke, s.
+    """
+    panels = _motion(files, flow)
+    if flow.dominant:
+        panels.append(("circulation,\ncm²/s", draw_series.circulations(flow.dominant)))
+    panels.append(("force of the\nwater, mN", _forces(files)))
+    if "velocity_rms_difference" in series:
+        strays = series["velocity_rms_difference"].to_numpy() / flow.scale * 100
+        panels.append(("PIV less CFD,\n% of tip speed", [Curve(series["time"], strays, "", PIV)]))
+    texts = [_values(panels, time) for time in flow.film_times()]
+    alt = "Motion, circulation of the tip vortex, force and difference of PIV and CFD over time."
+    caption = (
+        "Shaded: the middle of the stroke, over which PIV and CFD are compared. Bands hold 95 %."
+        " Good: the two curves of the circulation lie on each other."
+    )
+    x0, x1, y0, y1 = flow.region()
+    beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures
+    figure = over_time(panels, float(np.clip(beside, 4.8, 7.5)), middle=middle)
+    album.add(figure, "timeline.svg", "timeline", alt, caption, texts=texts)
+
+
+def _motion(files: StageFiles, flow: Flow) -> Panels:
+    """What drives the flow: pressure and bend, or of a rigid body its path or turn."""
+    kinematics, plane = read_kinematics(files.out / "kinematics.h5"), flow.planes["cfd"]
+    clock, drive = kinematics.law.x, kinematics.data["pressure"].values
+    turn = np.degrees(plane["bend"].values[:, 0])
+    if files.numbers.body is None:
+        return [
+            ("pressure,\nkPa", [Curve(clock, drive / 1e3)]),
+            ("bend, °", [Curve(plane["time"].values, turn)]),
+        ]
+    turns = bool(np.ptp(turn) > REST)
+    shown = (np.degrees(drive), "turn, °") if turns else (drive * 1e3, "distance, mm")
+    return [(shown[1], [Curve(clock, shown[0])])]
+
+
+def _forces(files: StageFiles) -> list[Curve]:
+    table = FORCES.read(files.out / "run/forces.csv")
+    time = table["time"].to_numpy()
+    return [
+        Curve(time, table[f"f{axis}"].to_numpy() * 1e3, f"along {axis}", colour)
+        for axis, colour in (("x", FIRST), ("y", SECOND))
+    ]
+
+
+def _values(panels: Panels, time: float) -> str:
+    """All curves at an instant (s) as text."""
+    parts = []
+    for label, curves in panels:
+        name, unit = label.replace("\n", " ").rsplit(", ", 1)
+        known = [
+            (curve.label, float(np.interp(time, curve.time, curve.values, np.nan, np.nan)))
+            for curve in curves
+        ]
+        texts = [f"{text} {minus(f'{v:.3g}')}".strip() for text, v in known if np.isfinite(v)]
+        if texts:
+            parts.append(f"{name} {', '.join(texts)}{'' if unit == '°' else ' '}{unit}")
+    return "; ".join(parts)
+
+
+def vortex_figures(
+    album: Album, files: StageFiles, flow: Flow, middle: tuple[float, float]
+) -> None:
+    """The way of the tip vortices, and circulation and force of the levels that were run."""
+    if flow.dominant:
+        alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
+        caption = (
+            "The finger at the first, middle and last instant. Good: the paths of CFD and PIV"
+            " cover each other; bars hold 95 % in the middle of the stroke."
+        )
+        figure = draw_series.paths(flow.dominant, flow.planes["cfd"], middle)
+        album.add(figure, "paths.svg", "vortex", alt, caption)
+    circulation, force = [], []
+    for level, tone in zip(_LEVELS, _TONES, strict=True):
+        out = files.out if level == files.level else files.scene_folder / "out" / level
+        paths = out / "comparison.csv", out / "run/forces.csv"
+        if not all(path.exists() for path in paths):
+            continue
+        series, forces = pd.read_csv(paths[0]), FORCES.read(paths[1])
+        if "circulation_cfd" in series:
+            values = {n: series[n].to_numpy() * 1e4 for n in series if n.startswith("circulation")}
+            std = values.get("circulation_std_cfd")
+            band = None if std is None else draw_series.BAND * std
+            time = series["time"].to_numpy()
+            circulation.append(Curve(time, values["circulation_cfd"], level, tone, band=band))
+        size = np.hypot(forces["fx"], forces["fy"]).to_numpy() * 1e3
+        force.append(Curve(forces["time"].to_numpy(), size, level, tone))
+    if len(force) < 2:
+        return
+    alt = "Circulation of the tip vortex and force on the finger over time, of each level."
+    caption = (
+        "The same scene on finer and finer grids (darker), as they were last run. Good: the curves"
+        " close up towards the finest; what is left between the last two is the grid's error."
+    )
+    panels = [("circulation,\ncm²/s", circulation), ("size of the\nforce, mN", force)]
+    figure = over_time([panel for panel in panels if panel[1]], middle=middle)
+    album.add(figure, "levels.svg", "vortex", alt, caption)
