@@ -33,7 +33,7 @@ def inputs(folder):
 def test_each_row_runs(tmp_path, monkeypatch):
     inputs(tmp_path)
     monkeypatch.chdir(tmp_path)
-    guide = (ROOT / "docs" / "piv_guide.md").read_text(encoding="utf-8")
+    guide = (ROOT / "docs" / "piv_asked.md").read_text(encoding="utf-8")
     commands = [c for c in ROW.findall(guide) if not c.startswith("view")]
     assert len(commands) > 15
     for command in commands:
