@@ -23,7 +23,14 @@ from tqdm import tqdm
 from fileio.errors import StageError, one_line, sentence, system_error
 from fileio.lock import exclusive
 from fileio.provenance import digest, versions
-from fileio.record import changed_outputs, forget, read_record, record_path, write_record
+from fileio.record import (
+    changed_outputs,
+    check_whole,
+    forget,
+    read_record,
+    record_path,
+    write_record,
+)
 from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
@@ -140,6 +147,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about["digest"] = run.digest(stage)
         about |= {"made_from": run.made_from(stage), "versions": versions()}
         forget(run.out, stage, about["digest"])
+        _check_inputs(run, step)
         earlier = _call(run, step, machine, quiet) or Spent()
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)
@@ -162,6 +170,15 @@ def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = Fals
     record_path(path.parent, path.stem).unlink(missing_ok=True)
     sample(run.scene, quiet, view=view, output=path)
     write_record(path.parent, path.stem, about, [path])
+
+
+def _check_inputs(run: Run, step: Stage) -> None:
+    """StageError where a file that a stage reads is damaged, or is not this run's."""
+    for name in run.inputs(step):
+        record, path = read_record(run.out, name), run.path(name)
+        if record is None or record["digest"] != run.digest(name):
+            raise StageError(f"{path}: is not of these numbers; run make again")
+        check_whole(path)
 
 
 def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:

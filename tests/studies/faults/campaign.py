@@ -30,7 +30,7 @@ from pipeline.runs.make import Machine, make, make_stage
 from pipeline.runs.run import Run, targets
 from pipeline.runs.stages import BY_NAME, STAGES
 from piv.__main__ import main as piv
-from tests.studies.faults.project import difference, files_of, small_run
+from tests.studies.faults.project import difference, small_run
 
 TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # in order
 COLUMNS = ("stage", "fault", "times", "completed", "refused", "recomputed", "wrong", "sentence")
@@ -240,7 +240,8 @@ def twice(at: Campaign, target: str) -> Row:
     at.before(target)
     works = [at.make(target) for _ in range(2)]
     answers = [work.answer() for work in works]
-    return at.row(target, "two makes at once", answers, at.again(target))
+    none = "" if 0 in dict(answers) else "none completed"
+    return at.row(target, "two makes at once", answers, none or at.again(target))
 
 
 @contextmanager
@@ -263,6 +264,10 @@ def small_disk(at: Campaign) -> Iterator[Callable[[str], None]]:
         subprocess.run(["umount", str(at.out)], check=True)
 
 
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
 def _room(out: Path, kib: int) -> str:
     """The option of a disk with so many KiB left."""
     state = os.statvfs(out)
@@ -274,10 +279,11 @@ def disks(at: Campaign, chosen: list[str]) -> Iterator[Row]:
     with small_disk(at) as remount:
         for target in chosen:
             at.before(target)
-            size = sum((at.wanted / name).stat().st_size for name in files_of(at.wanted, target))
+            states = [*(at.folder / "before" / name for name in at.chosen), at.wanted]
+            began, ended = (_size(states[at.chosen.index(target) + k]) for k in (0, 1))
             for fault, room in (
                 ("full", FULL),
-                ("full half-way", size // 2048),
+                ("full half-way", (ended - began) // 2048),
                 ("read-only", None),
             ):
                 at.before(target)

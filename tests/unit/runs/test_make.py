@@ -16,7 +16,7 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.lock import exclusive
 from fileio.record import read_record, record_path, write_record
-from pipeline.runs.make import Machine, make
+from pipeline.runs.make import Machine, make, make_stage
 from pipeline.runs.run import Run, open_run
 from tests.conftest import ROOT, write_scene
 
@@ -103,6 +103,16 @@ def test_a_result_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
     assert not extra.exists()
     for stage, content in own.items():
         assert run.path(stage).read_bytes() == content
+
+
+def test_a_stage_itself_reads_no_result_of_another_run(run: Run, tmp_path: Path) -> None:
+    """Whatever a plan found: the input that a stage finds when it starts must be its run's."""
+    other = Run(write_scene(tmp_path / "other", more="[finger]\ntilt_deg = 5.0\n"))
+    make(other, "kinematics", ONE, quiet=True)
+    shutil.copytree(other.out, run.out, dirs_exist_ok=True)
+    record_path(run.out, "mesh").unlink()
+    with pytest.raises(StageError, match=r"kinematics\.h5: is not of these numbers; run make"):
+        make_stage(again(run), "mesh", ONE, quiet=True)
 
 
 def test_a_lost_file_is_made_again_and_a_deleted_case_is_not_needed(run: Run) -> None:
