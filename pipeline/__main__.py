@@ -95,19 +95,14 @@ def run(
         _snakemake(plan_scene(scene, level, ranks), slurm=True, collated=collated)
         made = _open(scene, level)
     else:
-        made = _open(scene, level, set_, name)
-        if coupled:
-            from pipeline.study.couple import couple
-
-            made = couple(made.scene, machine, quiet)
-        elif dry_run:
+        made = _coupled(scene, level) if coupled else _open(scene, level, set_, name)
+        if dry_run:
             made.check(until)
             print(
                 "\n".join(f"{k}: {why}" for k, why in made.stale(until).items()) or "nothing to do"
             )
             return
-        else:
-            make(made, until, machine, quiet)
+        make(made, until, machine, quiet)
     if until == "report" and not quiet:
         print(f"report: {made.path('report').resolve()}")
 
@@ -372,6 +367,15 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
     place = name or digest([level, overrides])[:8]
     out = scene / "out" / "variations" / place if overrides else None
     return open_run(scene, level, overrides, out)
+
+
+def _coupled(scene: Path, level: str) -> Any:
+    """The run of a scene in which pressure and water make the motion; it has its own folder."""
+    from pipeline.runs.run import open_run
+
+    plain = _open(scene, level).scene
+    overrides = {"motion.source": "structure", "title": f"{plain.title}, coupled"}
+    return open_run(scene, level, overrides, plain.out / "coupled")
 
 
 def _snakemake(plan: Path, slurm: bool, collated: bool = False) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.openfoam.covering_columns import covering_cells
 from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
+from pipeline.openfoam.gate import add_gate
 from pipeline.scene.scene import Scene
 
 SYMMETRIC = ("half", "quarter")
@@ -48,6 +50,8 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
     flat, n = kind == "2d", scene.numerics
     sampling = n.sampling_steps(scene.sheet.rate_hz)
     sheet_z = 0.5 * back if flat else scene.sheet.z
+    # a coupled finger takes the loads of every step
+    balance = 1 if scene.motion.source == "structure" else n.balance_steps(scene.sheet.rate_hz)
 
     def point(*xyz: float) -> str:
         return f"({' '.join(f'{c:.10g}' for c in xyz)})"
@@ -59,7 +63,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "writeInterval": f"{n.time_step * checkpoint_steps(n.write_interval, n.time_step):.10g}",
         "handoverStep": str(steps_of(handover, n.time_step)),
         "sampleInterval": str(sampling),
-        "balanceInterval": str(n.balance_steps(scene.sheet.rate_hz)),
+        "balanceInterval": str(balance),
         "meshMotion": "dynamicMotionSolverFvMesh" if interval.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
@@ -182,8 +186,8 @@ def write_case(
     planform: xr.Dataset,
     mesh: PolyMesh,
     points: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """Write the OpenFOAM case of one mesh interval; returns the columns of its mesh.
+) -> None:
+    """Write the OpenFOAM case of one mesh interval.
 
     entries: of system/numbers; points: (point, 3) m; first: starts from rest, not mapped fields.
     """
@@ -197,8 +201,32 @@ def write_case(
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
+
+
+def columns_of(mesh: PolyMesh) -> dict[str, np.ndarray]:
+    """The columns of a mesh, for sweep.h5."""
     names = ("node", "level", "cell_column", "cell_layer")
     return {name: getattr(mesh, name) for name in names}
+
+
+def write_interval(
+    scene: Scene,
+    intervals: Sequence[Interval],
+    interval: Interval,
+    planform: xr.Dataset,
+    mesh: PolyMesh,
+    nodes: np.ndarray,
+) -> None:
+    """Write the case of one of the `intervals`; `nodes` (node, 2) m: at its begin."""
+    folder = scene.out / "case" / interval.name
+    later = [each.begin for each in intervals if each.index == interval.index + 1]
+    handover = (later or [scene.motion.end_time])[0]
+    levels = planform["levels"].values
+    entries = numbers(scene, interval, handover, float(levels[0]))
+    points = mesh.points(nodes, levels)
+    write_case(folder, entries, not interval.index, planform, mesh, points)
+    if scene.motion.source == "structure":
+        add_gate(folder)
 
 
 def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform: Path) -> None:
@@ -231,16 +259,13 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for old in folder.iterdir():
             shutil.rmtree(old) if old.is_dir() else old.unlink()
         columns = {}
-        handovers = [*(interval.begin for interval in intervals[1:]), scene.motion.end_time]
-        for interval, handover in zip(intervals, handovers, strict=True):
+        for interval in intervals:
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
-            levels = planform["levels"].values
+            columns[interval.name] = columns_of(mesh)
+            if interval.index and scene.motion.source == "structure":
+                continue  # made in the run, in the shape that the finger then has
             nodes = NodeMotion.of(law, planform).nodes(interval.begin)
-            points = mesh.points(nodes, levels)
-            entries = numbers(scene, interval, handover, float(levels[0]))
-            columns[interval.name] = write_case(
-                folder / interval.name, entries, not interval.index, planform, mesh, points
-            )
+            write_interval(scene, intervals, interval, planform, mesh, nodes)
     write_sweep(scene.out, columns)
     if not quiet:
         cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]

@@ -1,7 +1,4 @@
-"""A finger's motion under pressure, water and inertia, `elastic_motion.h5`.
-
-It serves `motion.source = "structure"`.
-"""
+"""The motion of a finger that pressure and water make together, `run/elastic_motion.h5`."""
 
 from __future__ import annotations
 
@@ -9,18 +6,18 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "elastic-motion",
-    "delete it and run make with COUPLED=1 again",
+    "delete it and run make again",
     variables("""
-time  time  s  time steps of the structure
+time  time  s  time steps of the run
 pressure  time  Pa  in the chambers
 delta  time, slice  rad  elastic turn of each slice against the shape without load
-knot  knot  s  times of the shapes, ascending
-profile_x  knot, point  m  lower layer of each shape, in the actuator frame
-profile_y  knot, point  m  of the same points
-thickness  knot, point  m  thickness of each shape
-made_of  -  -  digest of the scene and of the loads that it follows from
-tip_change  -  m  largest change of the tip's place against the motion before; the first: infinite
-bend_change  -  rad  largest change of the tip's turn, likewise
+contact_force  time  N  on the whole finger, away from what its tip touches
+tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
+bend_change  -  rad  by which they would turn it, at most
+open_energy  -  1  work and energy that do not match, over the pressure's work
+moment_share  -  1  largest moment on a joint over that of the table in states.h5
+runs  -  1  solved until the check was passed
+first_order  -  1  1: the loads were continued to first order, since a mode alternated
 """),
 )
 read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write

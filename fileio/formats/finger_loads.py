@@ -1,14 +1,15 @@
-"""Loads of the water along the finger and the deflection that they would cause, `loads.h5`.
+"""Loads of the water along the finger, its energy, and its motion in air and water, `loads.h5`.
 
-Of a rigid body it holds `unknown` alone.
+Of a rigid body it holds `unknown` and `coupled` alone.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fileio.schema import Schema, variables
 
@@ -22,29 +23,33 @@ arc?  slice  m  middle of each slice from the root, at rest; the first is the cl
 force?  time, slice, axis  N  on each slice of a whole finger: along it, towards the ventral side
 torque?  time, slice  N m  about the middle of each slice, positive towards the ventral side
 root_moment?  time  N m  about the middle of the root, positive towards the ventral side
-deflection?  time  rad  turn of the tip under these loads, by water, weight and inertia
-dry_deflection?  time  rad  the same without the water's forces: by weight, buoyancy and inertia
 step?  step  s  time steps of the finger's own motion
 bend?  step  rad  bend angle of the finger as it was run
 bend_unloaded?  step  rad  of the finger that no load bends, at the same pressure
 bend_in_air?  step  rad  of the finger at the same pressure history without water
+bend_in_water?  step  rad  in water: as run where coupled, else in modelled water
 tip?  step, axis  m  place of the tip as it was run, in the tank frame
 tip_unloaded?  step, axis  m  of the finger that no load bends
 tip_in_air?  step, axis  m  without water
+tip_in_water?  step, axis  m  in water, likewise
 pressure_work?  step  J  of the chambers' pressure; where the motion is prescribed: of its drive
 water_work?  step  J  of the water on the finger
 weight_work?  step  J  of weight and buoyancy
 elastic_energy?  step  J  of bending against the shape without load
 kinetic_energy?  step  J  of the rubber and of the water in the gaps
 damping_loss?  step  J  lost in the rubber
-unknown  -  -  why the deflection is not known, as a sentence; empty where it is
-largest_deflection?  -  rad  of largest size, signed
-largest_at?  -  s  when
-bend_then?  -  rad  bend angle of the prescribed motion then
-stroke?  -  rad  range of the bend angle
+coupled  -  1  1: pressure and water made the motion; 0: it is prescribed
+unknown  -  -  why the motion in water is not known, as a sentence; empty where it is
+tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
+open_energy?  -  1  coupled: work and energy that do not match, over the pressure's work
+moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
+largest_contact?  -  N  coupled: largest force on a whole finger of what its tip touches
+runs?  -  1  coupled: solved until that check was passed
+first_order?  -  1  coupled: 1: the loads were continued to first order
 """),
 )
 read_loads = SCHEMA.read
+_WORTH = 1.0  # degrees of bend
 
 
 def write_loads(out: Path, values: Mapping[str, Any]) -> None:
@@ -52,17 +57,40 @@ def write_loads(out: Path, values: Mapping[str, Any]) -> None:
     SCHEMA.write(out / "loads.h5", dict(values))
 
 
-def deflection_sentence(values: Mapping[str, Any]) -> str:
-    """The a-posteriori check in words, from the attributes of a loads.h5."""
+def motion_sentence(values: Mapping[str, Any]) -> str:
+    """What the water does to the motion, in words, from the values of a loads.h5."""
     if values["unknown"]:
         return str(values["unknown"])
-    most, then, stroke = (
-        math.degrees(values[name]) for name in ("largest_deflection", "bend_then", "stroke")
-    )
-    turned = f"{most:+.1f}".replace("-", "−")
-    share = f", {abs(most) / stroke:.0%} of the stroke" if stroke else ""
+    if values["coupled"]:
+        order = ", continued to first order" if values["first_order"] else ""
+        again = " of a second run" if values["runs"] > 1 else ""
+        return (
+            f"Pressure and water make the finger's motion together: the loads{again}{order} would"
+            f" move its tip by {values['tip_change'] * 1e3:.2g} mm more, and"
+            f" {values['open_energy']:.1%} of the pressure's work is open."
+            + (
+                f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"
+                " bending was analysed."
+                if values["moment_share"] > 1
+                else ""
+            )
+            + (
+                f" The contact pushes each finger with up to {values['largest_contact']:.2g} N."
+                if values["largest_contact"] > 0
+                else ""
+            )
+        )
+    bend, wet = (np.degrees(np.asarray(values[name])) for name in ("bend", "bend_in_water"))
+    step, apart = np.asarray(values["step"]), wet - bend
+    places = sorted({int(np.argmin(apart)), int(np.argmax(apart))})
+    parts = [
+        f"at {wet[k]:.0f}° in place of {bend[k]:.0f}° at {step[k]:.2f} s"
+        for k in places
+        if abs(apart[k]) >= _WORTH
+    ]
+    if not parts:
+        return f"The motion is prescribed; modelled water changes it by less than {_WORTH:g}°."
     return (
-        f"The motion is prescribed: at {values['largest_at']:.3g} s, where the finger is at"
-        f" {then:.1f}°, the loads on it would turn its tip by {turned}°{share}, if giving way"
-        " did not lessen them."
+        "The motion is prescribed. By a chain of slices in modelled water, a finger with this"
+        f" pressure would be {', and '.join(parts)}: use COUPLED=1 if that matters."
     )

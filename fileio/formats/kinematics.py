@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.errors import StageError, one_line
+from fileio.record import forget_run, of_run
 from fileio.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -148,14 +149,18 @@ def write_kinematics(
     units: Mapping[str, str] | None = None,
 ) -> None:
     """Write a kinematics.h5 from SCHEMA's variables by name; `units` replace the declared ones."""
+    forget_run(path)
     SCHEMA.write(path, dict(values), units=units)
 
 
 def read_kinematics(path: Path) -> Kinematics:
-    """The motion in a kinematics.h5; StageError where the file is damaged or of another format."""
+    """The motion in a kinematics.h5, of a coupled run in run/kinematics.h5 once that is there.
+
+    StageError where the file is damaged or of another format.
+    """
     from scipy.interpolate import CubicSpline
 
-    data = SCHEMA.read(path)
+    data = SCHEMA.read(of_run(path))
     try:
         parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values
         law = CubicSpline(data["time"].values, parameter)

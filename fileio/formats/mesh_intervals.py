@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from fileio.record import forget_run, of_run
 from fileio.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -96,6 +97,8 @@ mirror  -  1  1: the planform ends at the plane x = 0 between two fingers
 shape_parameter  shape_parameter  Pa  of the shapes that the mesh's intervals take
 points  shape_parameter, node, axis  m  nodes of the planform in each shape
 bend  shape_parameter  rad  bend angle of each shape
+built?  node, axis  m  nodes as the planform was built, of a coupled run
+fixed?  node, axis  1  coupled run: 1 where a coordinate of a node is prescribed
 triangles  triangle, corner3  1  nodes of each
 quads  quad, corner4  1  nodes of each; with both fingers the second half mirrors the first
 body  triangle  1  number of the body in whose footprint it lies, 0 in the water
@@ -136,24 +139,26 @@ def write_planform(
     )
     arrays = {name: np.array(values) for name, values in columns.items()}
     arrays["interval_moving"] = arrays["interval_moving"].astype(int)
+    forget_run(path)
     groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
     SCHEMA.write(path, arrays | attributes, groups)
 
 
 def read_intervals(out: Path) -> tuple[Interval, ...]:
     """The intervals of a level's planform.h5, in order."""
-    file = SCHEMA.read(out / "planform.h5")
+    file = SCHEMA.read(of_run(out / "planform.h5"))
     rows = zip(*(file[name].values.tolist() for name in _COLUMNS), strict=True)
     return tuple(Interval(k, b, s, e, mesh, bool(m)) for k, (b, s, e, mesh, m) in enumerate(rows))
 
 
 def read_planform(out: Path, mesh: int) -> xr.Dataset:
     """One planform of a level's planform.h5, loaded, with the attributes that all share."""
-    return SCHEMA.read(out / "planform.h5", f"mesh_{mesh}")
+    return SCHEMA.read(of_run(out / "planform.h5"), f"mesh_{mesh}")
 
 
 def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     """The variables of all planforms of a planform.h5, in order."""
+    path = of_run(path)
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
     return [{str(name): v.values for name, v in p.variables.items()} for p in planforms]
@@ -172,7 +177,7 @@ def read_sweep(out: Path, case: str) -> xr.Dataset:
 def read_meshes(out: Path, law: CubicSpline) -> list[IntervalMesh]:
     """The mesh of each interval, of planform.h5 and sweep.h5 of a level's folder.
 
-    `law`: the shape parameter over time (s), that of kinematics.h5.
+    `law`: the shape parameter over time (s), that of the motion.
     """
     intervals = read_intervals(out)
     planforms = {mesh: read_planform(out, mesh) for mesh in {i.mesh for i in intervals}}

@@ -40,6 +40,18 @@ def gap(outlines: ndarray, pinch: Pinch) -> ndarray:
     return np.minimum(plane, distance - 0.5 * pinch.object.diameter)
 
 
+def nearest(outline: ndarray, pinch: Pinch) -> tuple[ndarray, ndarray]:
+    """The point (2,) m of an outline (point, 2) that is nearest, and the unit vector away."""
+    if pinch.object is not None:
+        centre = np.array([0.0, pinch.object.centre_height])
+        apart = outline - centre
+        distance = np.hypot(*apart.T)
+        at = int(np.argmin(distance))
+        if distance[at] - 0.5 * pinch.object.diameter < -outline[:, 0].max():
+            return outline[at], apart[at] / distance[at]
+    return outline[np.argmax(outline[:, 0])], np.array([-1.0, 0.0])
+
+
 def ramp(x: ndarray, derivative: int = 0) -> ndarray:
     """0 for x <= -1, x for x >= 1, three times continuously differentiable; slope 0 to 1."""
     u = np.clip(0.5 * (np.asarray(x, float) + 1), 0, 1)

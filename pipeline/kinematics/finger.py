@@ -10,7 +10,6 @@ from numpy import ndarray
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import States, read_states, shapes_of
-from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.recorded_motion import read_recorded_motion
 from pipeline.fea import paper_equations as paper_model
 from pipeline.kinematics.contact import closing_law, gap
@@ -55,6 +54,11 @@ class FingerMotion:
         """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape."""
         return self.to_tank(self.shapes.outline(pressure))
 
+    def with_states(self, states: States) -> FingerMotion:
+        """The same finger with other states, without its tip; the first is that at rest."""
+        states = add_tip(states, self.finger.tip.length, self.finger.tip.thickness)
+        return replace(self, shapes=FingerShapes(states, self.shapes.strip), states=states)
+
     def turn(self, vectors: ndarray) -> ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""
         return vectors @ axes(self.finger)
@@ -68,25 +72,26 @@ def axes(finger: Finger) -> ndarray:
 
 
 def finger_motion(
-    motion: Motion, finger: Finger, pinch: Pinch | None, folder: Path
+    motion: Motion,
+    finger: Finger,
+    pinch: Pinch | None,
+    folder: Path,
+    over_time: States | None = None,
 ) -> FingerMotion:
-    """The motion of a scene in `folder`; StageError where it cannot be."""
+    """The motion of a scene in `folder`; StageError where it cannot be.
+
+    `over_time`: shapes at times (s) in place of those at pressures.
+    """
     where = folder / "scene.toml"
-    law = free_law = _pressure_law(motion, folder)
+    law = free_law = pressure_law(motion, folder)
     time = law_times(motion.end_time)
-    if motion.shapes is not None:
-        path = folder / motion.shapes
-        law, states = _time_itself, shapes_of(read_elastic_motion(path), "knot", path)
+    if over_time is not None:
+        law, states = _time_itself, over_time
     pressure = law(time)
     lowest, highest = float(pressure.min()), float(pressure.max())
-    if motion.shapes is None:
+    if over_time is None:
         states = finger_states(motion, finger, folder, lowest, highest)
     low, high = states.pressure[0], states.pressure[-1]
-    if motion.shapes is not None and highest > high + 1e-6:
-        raise StageError(
-            f"{path}: ends at {high:g} s, before motion.end_time = {motion.end_time:g} s;"
-            " compute it anew"
-        )
     if lowest < low - 1e-6 or highest > high + 1e-6:
         source = folder / (motion.recording or motion.pressure_csv or "scene.toml")
         raise StageError(
@@ -111,7 +116,7 @@ def finger_motion(
         except ValueError as error:
             raise StageError(f"{where}: {error}") from None
     shapes = FingerShapes(states, strip)
-    free = FingerMotion(law, free_law, shapes, finger, states, over_time=motion.shapes is not None)
+    free = FingerMotion(law, free_law, shapes, finger, states, over_time is not None)
     if pinch is None:
         return free
 
@@ -133,7 +138,8 @@ def law_times(end_time: float) -> ndarray:
     return np.linspace(0.0, end_time, int(np.ceil(end_time * _LAW_SAMPLES_PER_SECOND)) + 1)
 
 
-def _pressure_law(motion: Motion, folder: Path) -> PressureLaw:
+def pressure_law(motion: Motion, folder: Path) -> PressureLaw:
+    """Pressure (Pa) in the chambers over time; of a recording the shape's parameter."""
     if motion.source == "recording":
         return recorded_law(folder / str(motion.recording), motion.recording_factor)
     if motion.pressure_csv:

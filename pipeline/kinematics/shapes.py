@@ -125,7 +125,7 @@ class FingerShapes:
         self._angle, self._length, self._thickness = profile_splines(states)
         rest = int(np.argmin(np.abs(states.pressure)))
         self._s = arc_length(states.profile[rest])
-        self._strip = strip
+        self.strip = strip
         self._root_thickness = float(states.thickness[rest, 0])
         self.tip_thickness = float(states.thickness[rest, -1])  # of the finger's end at rest, m
 
@@ -136,7 +136,7 @@ class FingerShapes:
 
     def outline(self, pressure: float) -> ndarray:
         """Closed outline (point, 2) in the actuator frame, origin at the middle of the root."""
-        return self._place(self._strip, pressure)
+        return self._place(self.strip, pressure)
 
     def tip(self, pressure: float) -> ndarray:
         """Rows: middle of the tip, unit tangent out of it, unit vector to the dorsal side."""

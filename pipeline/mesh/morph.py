@@ -157,12 +157,32 @@ class Morph:
             nodes, at = self.relax(trial), at + step
         return nodes
 
+    def pursue(self, nodes: ndarray, target: ndarray) -> ndarray:
+        """Carry a nearly relaxed mesh to boundaries that have moved a little, by one Newton step.
+
+        The fixed coordinates of `target` (node, 2) are used. Raises MorphError.
+        """
+        gradient, hessian = self.derivatives(nodes, exact=True)
+        trial = self._respond(nodes, target, gradient, hessian)
+        if trial is not None:
+            return trial
+        return self.approach(nodes, target)
+
+    def approach(self, nodes: ndarray, target: ndarray) -> ndarray:
+        """Carry a relaxed mesh straight to the fixed coordinates of `target`. Raises MorphError."""
+        return self.follow(nodes, lambda part: nodes + part * (target - nodes), 0.0, 1.0)
+
     def _predict(self, nodes: ndarray, target: ndarray) -> ndarray | None:
         """The linear response of the relaxed mesh to moved boundaries; None where it inverts."""
         _, hessian = self.derivatives(nodes, exact=True)
+        return self._respond(nodes, target, np.zeros(self.size), hessian)
+
+    def _respond(
+        self, nodes: ndarray, target: ndarray, gradient: ndarray, hessian: sp.csc_matrix
+    ) -> ndarray | None:
         free, move = self.free, (target - nodes).ravel()
         move[free] = 0.0
-        move[free] = -self._solve(hessian, (hessian @ move)[free])
+        move[free] = -self._solve(hessian, (gradient + hessian @ move)[free])
         trial = nodes + move.reshape(-1, 2)
         shrink = _determinant(self.deformation(trial)) / _determinant(self.deformation(nodes))
         return trial if shrink.min() > 0.1 else None

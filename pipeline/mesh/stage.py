@@ -261,12 +261,18 @@ def run(scene: Scene, quiet: bool = False) -> None:
     meshes, rows = _choose_meshes(setting, mesh, sampling, overlap, quiet)
     MESH_QUALITY.write(scene.out / "mesh_quality.csv", rows)
     both = scene.pinch is not None and scene.model.kind in ("half", "full")  # fingers in the mesh
-    rest = last_move(setting.deformation_of_steps) + overlap
+    coupled = scene.motion.source == "structure"
+    # a coupled finger may move where the first guess rests
+    still = len(setting.motion) if coupled else last_move(setting.deformation_of_steps) + overlap
     write_planform(
         scene.out / "planform.h5",
-        _intervals_of([morphed.part for morphed in meshes], numerics.time_step, rest),
+        _intervals_of([morphed.part for morphed in meshes], numerics.time_step, still),
         {"model": scene.model.kind, "mirror": int(scene.pinch is not None and not both)},
-        [_mesh_values(morphed, bodies, width, both, levels) for morphed in meshes],
+        [
+            _mesh_values(morphed, bodies, width, both, levels)
+            | (_built(morphed.planform) if coupled else {})
+            for morphed in meshes
+        ],
     )
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)
@@ -294,6 +300,11 @@ def _intervals_of(parts: list[Part], time_step: float, rest: int) -> list[Interv
         begin = start - (overlap if number else 0.0)
         result.append(Interval(number, begin, start, end, k, first <= rest))
     return result
+
+
+def _built(planform: Planform) -> dict[str, Any]:
+    """What a coupled run needs to move the mesh itself."""
+    return {"built": planform.nodes, "fixed": planform.fixed.astype(np.uint8)}
 
 
 def _mesh_values(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 
 from fileio.formats.mesh_intervals import IntervalMesh
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
@@ -62,40 +63,49 @@ def checkpoint_steps(wanted: float, time_step: float) -> int:
 _HEADER = header("pointVectorField", "", FIELD, binary=True)
 
 
-def write_frames(
-    case: Path, mesh: IntervalMesh, times: np.ndarray, ranks: Ranks
-) -> Iterator[float]:
-    """Write `<time>/wantedDisplacement` for all `times` (s) for the ranks of a case; yields them.
+class Frames:
+    """Writes fields of displacement for the ranks of a case.
 
-    Displacements are relative to the first shape. Only the points that drive the others have
-    values; zeros elsewhere compress to almost nothing.
+    Only the points that drive the others have values; zeros elsewhere compress to almost nothing.
     """
-    motion, kind = mesh.motion, mesh.planform.attrs["model"]
-    node, level = mesh.sweep["node"].values, mesh.sweep["level"].values
-    driving = (level == 0) | ((level == mesh.planform.sizes["level"] - 1) & (kind == "full"))
-    points = [np.arange(len(node))]
-    if ranks.count > 1:
-        addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
-        points = [labels_of(block) for block in addressing]
-    driven = [(driving[p], node[p][driving[p]]) for p in points]
-    start = motion.nodes(times[0])
-    kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
-    head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
-    tail = b";\n" + _BOUNDARY % kinds + END
-    for time in times:
-        moved = motion.nodes(time) - start
+
+    def __init__(self, case: Path, planform: xr.Dataset, sweep: xr.Dataset, ranks: Ranks) -> None:
+        self._case, self._ranks, kind = case, ranks, planform.attrs["model"]
+        node, level = sweep["node"].values, sweep["level"].values
+        driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
+        points = [np.arange(len(node))]
+        if ranks.count > 1:
+            addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+            points = [labels_of(block) for block in addressing]
+        self._driven = [(driving[p], node[p][driving[p]]) for p in points]
+        kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
+        self._tail = b";\n" + _BOUNDARY % kinds + END
+
+    def write(self, time: float, moved: np.ndarray) -> None:
+        """Write `<time>/wantedDisplacement`; `moved` (node, 2) m: against the first shape."""
+        head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
         bodies = []
-        for drives, nodes in driven:
+        for drives, nodes in self._driven:
             displacement = np.zeros((len(drives), 3))
             displacement[drives, :2] = moved[nodes]
-            bodies.append(head + binary_list(displacement) + tail)
-        if ranks.collated:  # the header stands in the first block only
+            bodies.append(head + binary_list(displacement) + self._tail)
+        if self._ranks.collated:  # the header stands in the first block only
             contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
         else:
             contents = [_HEADER + body for body in bodies]
-        for folder, content in zip(ranks.folders(case), contents, strict=True):
+        for folder, content in zip(self._ranks.folders(self._case), contents, strict=True):
             # thousands of files, so without a sync: the solver refuses one that a power cut emptied
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
+
+
+def write_frames(
+    case: Path, mesh: IntervalMesh, times: np.ndarray, ranks: Ranks
+) -> Iterator[float]:
+    """Write the frames of a known motion for all `times` (s); yields them."""
+    frames = Frames(case, mesh.planform, mesh.sweep, ranks)
+    start = mesh.motion.nodes(times[0])
+    for time in times:
+        frames.write(time, mesh.motion.nodes(time) - start)
         yield time
 
 

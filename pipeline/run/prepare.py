@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -34,11 +35,18 @@ _SCOTCH = ("gpart", "scotch_gpart")  # scotch's own name of its partitioner, and
 
 
 def prepare(
-    cases: list[Path], meshes: list[IntervalMesh], k: int, ranks: Ranks, steps: Steps, quiet: bool
+    cases: list[Path],
+    meshes: list[IntervalMesh],
+    k: int,
+    ranks: Ranks,
+    steps: Steps,
+    quiet: bool,
+    lay_frames: Callable[[], None] | None = None,
 ) -> None:
     """Decompose case number `k`, map its first fields and write its motion, unless done.
 
-    Done counts only for the same mesh, ranks and version of OpenFOAM.
+    Done counts only for the same mesh, ranks and version of OpenFOAM. `lay_frames`: of a coupled
+    run, in place of the frames of the mesh's motion.
     """
     case, mesh = cases[k], meshes[k]
     wanted = case_state(case, ranks)
@@ -63,7 +71,9 @@ def prepare(
             map_fields(cases[k - 1], meshes[k - 1], case, mesh, ranks, steps.first)
         if ranks.count > 1:
             _decompose(case, mesh, ranks)
-    if mesh.interval.moving:
+    if lay_frames:
+        lay_frames()
+    elif mesh.interval.moving:
         frames = write_frames(case, mesh, steps.times, ranks)
         for _ in tqdm(frames, desc="frames", total=len(steps.times), disable=quiet or None):
             pass

@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from tqdm import tqdm
@@ -47,6 +47,19 @@ _SILENCE = 900.0  # s without a line from the solver
 _LONG_STEP = (60.0, 50.0)  # s, and times the median step: one that exceeds both does not end
 _FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
+
+
+class Follower(Protocol):
+    """Gives the solver of a coupled run its motion."""
+
+    def begin(self, time: float) -> None:
+        """The solver starts at `time` (s)."""
+
+    def answer(self, time: float, alive: Callable[[], bool]) -> None:
+        """It has computed the step that ends at `time` (s)."""
+
+    def end(self) -> None:
+        """It has ended, or was stopped."""
 
 
 class Watchdog:
@@ -150,8 +163,11 @@ def solve(
     bar: tqdm,
     guard: Guard,
     resumes: bool = True,
+    follower: Follower | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Run the solver to the end of an interval, unless it has ended; its progress before and now.
+
+    `follower`: of a coupled run, gives the motion of each next step.
 
     It starts from the last whole checkpoint, or from the beginning where this OpenFOAM cannot
     resume (not `resumes`). StageError where `guard` stops it, it fails, or its samples for a guard
@@ -171,6 +187,8 @@ def solve(
     guard.time = start
     drop_tables(case, start)
     set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
+    if follower:
+        follower.begin(start)
     clock = time.monotonic()
     noted = clock
     cpu = 0.0  # s of all ranks
@@ -223,6 +241,8 @@ def solve(
                         raise stopped(cause)
                     if line.startswith("ExecutionTime"):
                         cpu = ranks.count * float(line.split()[2])
+                        if follower:
+                            follower.answer(guard.time, lambda: process.poll() is None)
                     if line.startswith("Time = "):
                         watchdog.advance()
                         if time.monotonic() - noted > _NOTE_EVERY:
@@ -233,6 +253,8 @@ def solve(
                 _stop(process)
                 raise
             finally:
+                if follower:
+                    follower.end()
                 ranks.withdraw(case)
                 note()
     code = process.wait()

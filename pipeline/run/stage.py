@@ -12,16 +12,19 @@ from fileio.formats.mesh_intervals import PER_FINGER, read_meshes
 from fileio.formats.records import RUN
 from fileio.lock import exclusive
 from fileio.provenance import versions
+from fileio.record import forget_run
 from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
-from pipeline.run.checkpoint import resumable_ranks
-from pipeline.run.guards import guard_of
+from pipeline.run.checkpoint import STATE, prepared_for, resumable_ranks
+from pipeline.run.coupled import Coupled, Follower, make_later_case
+from pipeline.run.guards import Guard, guard_of
 from pipeline.run.prepare import prepare
 from pipeline.run.results import collect_results
 from pipeline.run.solver import BAR, resumes_rightly, solve
 from pipeline.scene.scene import Scene
+from pipeline.structure.coupling import check_again
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
@@ -36,17 +39,27 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     version = foam_version()
     end, step = scene.motion.end_time, scene.numerics.time_step
     kind = scene.model.kind
-    meshes = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
+    coupled = None
+    if scene.motion.source == "structure":
+        for name in ("kinematics.h5", "planform.h5"):  # the first guess is wanted
+            forget_run(scene.out / name)
+        coupled = Coupled(scene)
+    guesses = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
+    meshes = list(guesses)
     cases = [scene.out / "case" / mesh.interval.name for mesh in meshes]
     steps = [Steps.of(mesh.interval.begin, mesh.interval.end, step) for mesh in meshes]
-    limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[kind]
-    try:
-        guards = [
-            guard_of(case, mesh, its, limit, depth, scene.fluid)
-            for case, mesh, its in zip(cases, meshes, steps, strict=True)
-        ]
-    except ValueError as error:
-        raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
+
+    def guards_of() -> list[Guard]:
+        limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[kind]
+        try:
+            return [
+                guard_of(case, mesh, its, limit, depth, scene.fluid)
+                for case, mesh, its in zip(cases, guesses, steps, strict=True)
+            ]
+        except ValueError as error:
+            raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
+
+    guards = guards_of()
     with exclusive(scene.out / "solver"):
         least = min(mesh.cells for mesh in meshes)
         useful = max(1, min(ranks, least // LEAST_CELLS))
@@ -55,14 +68,48 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         moving = meshes[0].interval.moving
         layout = resumable_ranks(cases[0], moving, Ranks(useful, collated and useful > 1), quiet)
         spent = []
-        with tqdm(total=end, unit="s", disable=quiet or None, desc="solver", bar_format=BAR) as bar:
-            for k, (case, guard) in enumerate(zip(cases, guards, strict=True)):
-                interval = meshes[k].interval
-                prepare(cases, meshes, k, layout, steps[k], quiet)
-                rightly = resumes_rightly(version, kind, scene.pinch is not None, interval.moving)
-                spent.append(solve(case, interval, layout, hosts, bar, guard, rightly))
-                remove_frames(case, layout)
-                bar.update(interval.end - bar.n)
+
+        def solve_all() -> list[Follower]:
+            """Solve all intervals; of a coupled run, what followed each."""
+            followers = []
+            with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
+                      bar_format=BAR) as bar:  # fmt: skip
+                for k, (case, guard) in enumerate(zip(cases, guards, strict=True)):
+                    interval, follower = meshes[k].interval, None
+                    if coupled:
+                        follower = Follower(coupled, case, guesses[k], layout)
+                        meshes[k] = follower.mesh
+                        followers.append(follower)
+                        if k and not prepared_for(case):
+                            make_later_case(scene, guesses, k, follower.first_nodes)
+                    lay = follower.lay_frames if follower else None
+                    prepare(cases, meshes, k, layout, steps[k], quiet, lay)
+                    rightly = resumes_rightly(
+                        version, kind, scene.pinch is not None, interval.moving
+                    )
+                    spent.append(
+                        solve(case, interval, layout, hosts, bar, guard, rightly, follower)
+                    )
+                    remove_frames(case, layout)
+                    if follower:
+                        meshes[k] = follower.mesh
+                    bar.update(interval.end - bar.n)
+            return followers
+
+        followers = solve_all()
+        if coupled:
+            result = coupled.check()
+            if not result.passes(scene.finger.length) and not coupled.before:
+                if not quiet:
+                    print(f"run: {result.describe()}: once more, from the motion found")
+                coupled.keep_as_first()
+                (cases[0] / STATE).unlink()
+                guards = guards_of()
+                coupled, meshes = Coupled(scene), list(guesses)
+                followers = solve_all()
+                result = coupled.check()
+            check_again(result, scene.finger.length, f"{scene.folder / 'scene.toml'}")
+            meshes = coupled.write(followers, result)
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection
         summary = collect_results(

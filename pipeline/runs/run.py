@@ -69,7 +69,8 @@ class Run:
         """
         step = BY_NAME[stage]
         numbers: dict[str, Any] = {}
-        for section, keys in step.sections.items():
+        coupled = step.coupled if self.scene.motion.source == "structure" else {}
+        for section, keys in (step.sections | coupled).items():
             part = self._numbers[section]
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}
             numbers |= flat({section: chosen})

@@ -12,8 +12,9 @@ class Stage:
 
     module: has run(scene, quiet, **options), or is a command of piv where `piv`.
     outputs: patterns of files; the next stages read the first. folders: linked whole into an equal
-    run. sections: keys of the scene that the result depends on, True for all. version: a new one
-    makes results stale. cost: CPU seconds and memory (MB) of single_finger at level coarse.
+    run. sections: keys of the scene that the result depends on, True for all; coupled: those that
+    it also depends on in a coupled run. version: a new one makes results stale. cost: CPU seconds
+    and memory (MB) of single_finger at level coarse.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Stage:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     sections: dict[str, Any] = field(default_factory=dict)
+    coupled: dict[str, Any] = field(default_factory=dict)
     version: int = 1
     group: str = ""
     piv: bool = False
@@ -52,7 +54,9 @@ FEA = Stage(
 STAGES = (
     Stage(
         "kinematics", "pipeline.kinematics.stage", "pressure history and shapes of the finger",
-        outputs=("kinematics.h5",), sections=dict.fromkeys(_MOTION, True), cost=(5, 400),
+        outputs=("kinematics.h5",), sections=dict.fromkeys(_MOTION, True),
+        coupled={"structure": True, "fluid": True, "model": True, "numerics": {"time_step"}},
+        cost=(5, 400),
     ),
     # an interval begins with a picture of the sheet, and its shapes overlap by some time steps
     Stage(
@@ -71,7 +75,7 @@ STAGES = (
     ),
     Stage(
         "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",
-        ("case",), ("run/run.json", "run/*.csv", "case/*/postProcessing/*/*/*.vtk"),
+        ("case",), ("run/run.json", "run/*.csv", "run/*.h5", "case/*/postProcessing/*/*/*.vtk"),
         folders=("case",), cost=(300, 600), ranks=True, temporary=True,
     ),
     Stage(
@@ -106,8 +110,9 @@ STAGES = (
         {"name": True, "level": True}, version=2, cost=(30, 600),
     ),
     Stage(
-        "loads", "pipeline.structure.stage", "the water's loads, and how far they would bend",
+        "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
         ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(14, 500),
+        version=2,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",

@@ -12,7 +12,7 @@ from fileio.json_text import flat
 from fileio.toml_text import read_toml
 
 # of [motion]: files, relative to the scene that names them
-FILE_KEYS = {"states", "pressure_csv", "recording", "shapes", "path_csv"}
+FILE_KEYS = {"states", "pressure_csv", "recording", "path_csv"}
 _REPLACED = {"parameters"}  # of a material's law: those of another law would be left over
 # of [motion]: a key that is not empty replaces the others
 _HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}

@@ -121,13 +121,11 @@ class Motion(Section):
     """Where shapes and the pressure history come from."""
 
     source: Literal["fea", "paper_equations", "recording", "rigid", "structure"] = "paper_equations"
-    """Of the shapes; "structure": under the water's loads (COUPLED=1)"""
+    """Of the shapes; "structure": pressure and water make the motion (COUPLED=1)"""
     states: str | None = None
     """Bending states (states.h5 or CSV), for "fea" and "structure"; own before a parent's"""
     recording: str | None = None
     """File of a motion as a camera saw it (motion.h5), for source = "recording" """
-    shapes: str | None = None
-    """File of a motion under loads (elastic_motion.h5), for source = "structure" """
     recording_factor: Annotated[Positive, Field(le=10)] = 1.0
     """On the recording's bending, to measure what an error of it does"""
     start_pressure_kpa: Pressure = 0.0
@@ -208,34 +206,16 @@ class Motion(Section):
                 f"motion.source = {self.source!r} needs motion.states, the path of a states.h5 or"
                 " CSV"
             )
-        if (self.source == "structure") != (self.shapes is not None):
-            raise ValueError(
-                "motion.source = 'structure' and motion.shapes, the path of an elastic_motion.h5,"
-                " belong together; give both or neither (make with COUPLED=1 writes them)"
-            )
         return self
 
 
 class Structure(Section):
-    """The finger's answer to loads, and the iteration of its motion under them (COUPLED=1).
-
-    The modelled water steers the iteration alone: larger coefficients make it safer and slower.
-    """
+    """The finger's answer to loads."""
 
     bending_stiffness: Positive | None = None
     """E I at all pressures, where the bending analysis does not say [N m²]"""
     damping: Annotated[float, Field(ge=0, le=1)] = 0.004
     """Of the rubber: stress by rate over stress by strain [s]"""
-    added_mass: Annotated[Positive, Field(le=100)] = 1.3
-    """Coefficient of the modelled water's added mass, for COUPLED=1 [1]"""
-    drag: Annotated[Positive, Field(le=100)] = 5.0
-    """Coefficient of the modelled water's drag, for COUPLED=1 [1]"""
-    first_motion: Literal["modelled water", "prescribed"] = "modelled water"
-    """Of the first run of COUPLED=1; the last motion must not depend on it"""
-    iterations: Annotated[int, Field(ge=1, le=20)] = 8
-    """Runs at most, for COUPLED=1 [1]"""
-    tolerance: Annotated[Positive, Field(le=1)] = 0.005
-    """Of COUPLED=1: the tip's change over the length, open energy over four times the work [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled

@@ -21,7 +21,7 @@ _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
 
 
 @dataclass(frozen=True)
-class _Unloaded:
+class Unloaded:
     """The chain without load (time, slice), each slice's content from its own joint."""
 
     root: ComplexArray  # (time): place of the first joint
@@ -90,7 +90,7 @@ class Chain:
         points = np.concatenate([np.zeros((*steps.shape[:-1], 1)), steps], axis=-1)
         return points, node_angle(angle)
 
-    def unloaded(self, pressure: FloatArray) -> _Unloaded:
+    def unloaded(self, pressure: FloatArray) -> Unloaded:
         """The chain at pressures (time,) Pa."""
         points, angle = self._profile(pressure)
         dorsal = -1j * np.exp(1j * angle)
@@ -106,7 +106,7 @@ class Chain:
             return mean(points + height * dorsal) - joints[:, :-1]
 
         heading = mean(np.exp(1j * angle))
-        return _Unloaded(
+        return Unloaded(
             root=joints[:, 0],
             link=np.diff(joints, axis=1),
             heading=heading / np.abs(heading),
@@ -141,7 +141,7 @@ class Chain:
         return np.stack([line.real, line.imag], axis=-1)
 
 
-def placed(unloaded: _Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
+def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatArray) -> Placed:
     """The chain at one or several times `at`, its slices turned by `delta` (…, slice) rad."""
     turn = np.exp(1j * delta)
     steps = np.cumsum(unloaded.link[at] * turn, axis=-1)

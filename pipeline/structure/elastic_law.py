@@ -9,8 +9,9 @@ from scipy.interpolate import PchipInterpolator
 
 from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
 
-# of the table's last interval, along its slope: where Newton's method may try
+# of the table's last interval, along its slope; in the shipped states three times the moment
 _BEYOND = 4.0
+LARGEST_SHARE = 2.0  # of the table's moments, to which a motion may go on along that slope
 _LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
 
 
@@ -18,16 +19,16 @@ _LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
 class ElasticLaw:
     """Change of curvature (1/m) under a moment (N m) at one pressure, and back; monotone.
 
-    `most`: the table's first and last moment (N m).
+    `most`: the table's first and last moment (N m); the law goes on along its last slopes.
     """
 
     change: PchipInterpolator
     moment: PchipInterpolator
     most: tuple[float, float]
 
-    def within(self, moment: FloatArray) -> bool:
-        """Whether the table reaches to these moments (N m)."""
-        return bool((self.most[0] <= moment).all() and (moment <= self.most[1]).all())
+    def share(self, moment: FloatArray) -> float:
+        """The largest of moments (N m) over that of the table."""
+        return float(np.maximum(moment / self.most[0], moment / self.most[1]).max())
 
 
 def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLaw:

@@ -2,7 +2,8 @@
 
 Accelerations are Houbolt's, from places at four times. The pressure prescribes the motion without
 load and moves the joints itself, so that a method that needs places alone needs no mass matrix. It
-damps the chain's highest modes at once, and the first mode at 1 ms by less than 1e-4.
+damps the chain's highest modes at once, and the first mode at 1 ms by less than 1e-4. The water's
+`inertia` takes the flow's own acceleration, so that it can stand for the flow's step by step.
 """
 
 from __future__ import annotations
@@ -12,11 +13,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
-from pipeline.structure.chain import Chain, ComplexArray, Placed, joint_moments, placed
-from pipeline.structure.elastic_law import ElasticLaw, law_at
+from pipeline.structure.chain import (
+    Chain,
+    ComplexArray,
+    Placed,
+    Unloaded,
+    joint_moments,
+    placed,
+)
+from pipeline.structure.elastic_law import LARGEST_SHARE, law_at
 
 STEP = 1e-3  # s, of the finger's own motion
 INERT = ("rubber", "gap", "middle")  # what has velocity or acceleration
@@ -25,15 +34,19 @@ _TOLERANCE = 1e-10  # rad, of the last correction
 _LARGEST_CORRECTION = 0.2  # rad
 _NUDGE = 1e-6  # rad, of the differences that give the derivative
 # Weights of the places now and before
-_ACCELERATION = np.array([2.0, -5.0, 4.0, -1.0])  # Houbolt's, over the step squared
-_VELOCITY = np.array([11.0, -18.0, 9.0, -2.0]) / 6  # over the step
+_ACCELERATION = np.array([2.0, -5.0, 4.0, -1.0, 0.0])  # Houbolt's, over the step squared
+_VELOCITY = np.array([11.0, -18.0, 9.0, -2.0, 0.0]) / 6  # over the step
+# what the flow feels of a wall: the backward difference of second order, taken twice
+_FELT = np.array([9.0, -24.0, 22.0, -8.0, 1.0]) / 4
+EARLIER = 4  # times before one that its rates need
 
 
 @dataclass(frozen=True)
 class Surroundings:
     """Gravity in the actuator's frame, the fluid (kg/m³; 0: none), modelled water and damping (s).
 
-    `added_mass` and `drag` are coefficients of a water that `loads` then must not hold.
+    `added_mass` and `drag` are coefficients of a water that `loads` then must not hold; so are
+    `inertia` (slice, 3, slice): loads by the slices' angular accelerations, N s² and N m s².
     """
 
     gravity: complex = 0.0
@@ -41,6 +54,7 @@ class Surroundings:
     added_mass: float = 0.0
     drag: float = 0.0
     damping: float = 0.0
+    inertia: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -148,6 +162,59 @@ def at_rest(
     return delta
 
 
+def advance(
+    chain: Chain,
+    unloaded: Unloaded,
+    times: NDArray[np.intp],
+    pressure: float,
+    step: float,
+    around: Surroundings,
+    loads: FloatArray,
+    before: FloatArray,
+) -> FloatArray:
+    """Rotations (slice,) rad at the first of `times`, numbers in `unloaded`, latest first.
+
+    `pressure` (Pa) then; `step` (s); `loads` (slice, 3) then: N along and across slices, and N m;
+    `before` (EARLIER, slice): rotations at the other times. StageError where the moment leaves the
+    law of bending.
+    """
+    earlier = placed(unloaded, times[1:], before)
+    bends = np.diff(before, axis=-1, prepend=0.0)
+    law, air = law_at(chain.law, chain.pressure, pressure), chain.air_section(pressure)
+    damping = around.damping * np.interp(pressure, chain.pressure, chain.law.stiffness)
+    if around.inertia is not None:
+        still = np.concatenate([np.zeros((1, chain.slices)), before])
+        loads = loads - around.inertia @ turning(unloaded, times, still, step)
+
+    def residual(turned: FloatArray) -> FloatArray:
+        at = placed(unloaded, int(times[0]), turned)
+        bent = np.diff(turned, axis=-1, prepend=0.0)
+        second = {
+            n: _difference(_ACCELERATION, getattr(at, n), getattr(earlier, n)) / step**2
+            for n in INERT
+        }
+        rates = Rates(_difference(_VELOCITY, at.middle, earlier.middle) / step, **second)
+        carried = loads
+        if around.inertia is not None:
+            rate = _FELT[0] / step**2 * turned
+            carried = loads - np.einsum("slj,...j->...sl", around.inertia, rate)
+        acting = forces(chain, around, at, rates, air, carried)
+        moment = joint_moments(at, acting, carried[..., 2])
+        slowed = damping * _difference(_VELOCITY, bent, bends) / step
+        return law.moment(bent / chain.springs) + slowed / chain.springs - moment
+
+    name = f"at {times[0] * step:.4g} s"
+    delta = _newton(residual, 2 * before[0] - before[1], name)
+    bent = np.diff(delta, prepend=0.0) / chain.springs
+    if law.share(law.moment(bent)) > LARGEST_SHARE:
+        raise StageError(
+            f"{name} the finger bears a moment far beyond the table of states.h5"
+            f" ({law.most[1]:.2g} N m): it bends too far to be computed; check the motion and the"
+            " time step"
+        )
+    return delta
+
+
 def motion(
     chain: Chain,
     pressure: FloatArray,
@@ -159,55 +226,37 @@ def motion(
     """Rotations (time, slice) rad against the shape without load, `step` (s) apart, from rest.
 
     `pressure` (time,) Pa; `loads` (time, slice, 3): N along and across slices, and N m; `start`:
-    rotations in place of the equilibrium at the first time. StageError where the moment leaves the
-    law of bending.
+    rotations in place of the equilibrium at the first time. StageError as of `advance`.
     """
-    unloaded, air = chain.unloaded(pressure), chain.air_section(pressure)
+    unloaded = chain.unloaded(pressure)
     delta = np.empty((len(pressure), chain.slices))
     delta[0] = at_rest(chain, float(pressure[0]), around, loads[0]) if start is None else start
-    first = placed(unloaded, 0, delta[0])
-    before = {name: np.repeat(getattr(first, name)[None], 3, axis=0) for name in INERT}
-    bends = np.repeat(np.diff(delta[0], prepend=0.0)[None], 3, axis=0)
-    stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)
     for m in range(1, len(pressure)):
-        law = law_at(chain.law, chain.pressure, float(pressure[m]))
-
-        def residual(
-            turned: FloatArray,
-            m: int = m,
-            law: ElasticLaw = law,
-            places: dict[str, ComplexArray] = before,
-            bent_before: FloatArray = bends,
-        ) -> FloatArray:
-            at = placed(unloaded, m, turned)
-            bent = np.diff(turned, axis=-1, prepend=0.0)
-            second = {
-                n: _difference(_ACCELERATION, getattr(at, n), places[n]) / step**2 for n in INERT
-            }
-            rates = Rates(_difference(_VELOCITY, at.middle, places["middle"]) / step, **second)
-            acting = forces(chain, around, at, rates, air[m], loads[m])
-            moment = joint_moments(at, acting, loads[m, :, 2])
-            rate = _difference(_VELOCITY, bent, bent_before)
-            slowed = around.damping * stiffness[m] * rate / step
-            return law.moment(bent / chain.springs) + slowed / chain.springs - moment
-
-        ahead = 2 * delta[m - 1] - delta[max(m - 2, 0)]
-        delta[m] = _newton(residual, ahead, f"at {m * step:.4g} s")
-        bent = np.diff(delta[m], prepend=0.0)
-        if not law.within(law.moment(bent / chain.springs)):
-            raise StageError(
-                f"at {m * step:.4g} s the finger bears a moment beyond the table of states.h5"
-                f" ({law.most[1]:.2g} N m): it bends too far to be computed;"
-                " check the motion and the time step"
-            )
-        at = placed(unloaded, m, delta[m])
-        before = {n: np.concatenate([getattr(at, n)[None], v[:2]]) for n, v in before.items()}
-        bends = np.concatenate([bent[None], bends[:2]])
+        times = past(m)
+        delta[m] = advance(
+            chain, unloaded, times, float(pressure[m]), step, around, loads[m], delta[times[1:]]
+        )
     return delta
 
 
+def past(number: int) -> NDArray[np.intp]:
+    """The number of a time and those before it that its rates need, latest first, from rest."""
+    return np.maximum(number - np.arange(EARLIER + 1), 0)
+
+
+def turning(
+    unloaded: Unloaded, times: NDArray[np.intp], delta: FloatArray, step: float
+) -> FloatArray:
+    """Angular acceleration (slice,) of the slices as the flow feels it, rad/s².
+
+    `times` and `delta` (EARLIER + 1, slice): latest first.
+    """
+    angle = np.unwrap(np.angle(unloaded.heading[times]), axis=0) + delta
+    return np.asarray(np.tensordot(_FELT, angle, 1) / step**2)
+
+
 def _difference(weights: FloatArray, now: Any, before: Any) -> Any:
-    """Weighted sum of a value now and (3, …) before, the latest first."""
+    """Weighted sum of a value now and (EARLIER, …) before, the latest first."""
     return weights[0] * now + np.tensordot(weights[1:], before, 1)
 
 
@@ -215,8 +264,8 @@ def rates_of(at: Placed, step: float) -> Rates:
     """Rates of a motion (time, slice), by the differences of `motion`; from rest."""
 
     def over_time(weights, places):
-        long = np.concatenate([np.repeat(places[:1], 3, axis=0), places])
-        terms = [w * long[3 - k : len(long) - k] for k, w in enumerate(weights)]
+        long = np.concatenate([np.repeat(places[:1], EARLIER, axis=0), places])
+        terms = [w * long[EARLIER - k : len(long) - k] for k, w in enumerate(weights)]
         return np.asarray(np.sum(terms, axis=0), dtype=complex)
 
     second = {n: over_time(_ACCELERATION, getattr(at, n)) / step**2 for n in INERT}

@@ -21,15 +21,18 @@ _ENERGIES = {
 }
 
 
-def water_on_finger(loads: xr.Dataset, as_run: str) -> Figure:
-    """Bend, tip path, loads and energies of a loads.h5; `as_run`: name of the run's own motion."""
+def water_on_finger(loads: xr.Dataset) -> Figure:
+    """Bend, tip path, loads and energies of a loads.h5."""
     figure, axes = new_figure(9.6, 7.6, 2, 2)
     time = loads["step"].values
     turn, path, across, energy = axes.ravel()
+    coupled = bool(loads.attrs["coupled"])
+    dry, wet = ("no load", "coupled, as run") if coupled else ("as run", "in modelled water")
+    as_run, other = (CFD, "-"), (GREY, "--")
     motions = (
-        ("", as_run, CFD, "-"),
-        ("_unloaded", "no load", GREY, "--"),
+        ("_unloaded", dry, *(other if coupled else as_run)),
         ("_in_air", "in air", PIV, "-."),
+        ("_in_water", wet, *(as_run if coupled else other)),
     )
     for name, label, colour, style in motions:
         line: dict[str, Any] = {"color": colour, "linestyle": style, "label": label}

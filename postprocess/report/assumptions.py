@@ -47,11 +47,11 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
     motion = (
         "The body is rigid and its motion is prescribed."
         if body
-        else "Pressure and water make the finger's motion together: the loads of the run before"
-        " bend it (docs/coupling.md)."
-        if scene["motion"]["shapes"]
+        else "Pressure and water make the finger's motion together: in each time step the finger"
+        " bends under the loads of the water (docs/coupling.md)."
+        if scene["motion"]["source"] == "structure"
         else "The finger's motion is prescribed; the water does not bend it. The head of the page"
-        " states how far the loads on it would bend it."
+        " states where water would have it."
     )
     motion += _pressure(scene["motion"])
     surface = (

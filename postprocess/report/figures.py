@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from fileio.child_process import read_in_child, worker_pool
-from fileio.formats.finger_loads import deflection_sentence, read_loads
+from fileio.formats.finger_loads import motion_sentence, read_loads
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
@@ -56,11 +56,15 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
         entries = list(chain.from_iterable((pool.map if pool else map)(_result, jobs)))
     with _evidence(files) as (flow, _):
         tip = flow.planes["cfd"]["tip"].values[:, 0]
+    known: dict[str, Any] = {}
+    if loads:
+        file = read_loads(loads)
+        known = dict(file.attrs) | {str(name): file[name].values for name in file.variables}
     content = {
         "entries": entries,
         "tip_height": float(tip[:, 1].max()),
         "tip_way": float(np.linalg.norm(np.diff(tip, axis=0), axis=1).sum()),
-        "deflection": deflection_sentence(read_loads(loads).attrs) if loads else "",
+        "motion": motion_sentence(known) if known else "",
     }
     FIGURES.write(files.figures / "figures.json", content)
     return entries

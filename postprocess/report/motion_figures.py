@@ -10,7 +10,6 @@ from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
 from postprocess.draw import water as draw_water
-from postprocess.evidence.strokes import REST
 from postprocess.report.picture_index import Album
 
 
@@ -19,18 +18,19 @@ def water_figure(album: Album, path: Path) -> None:
     loads = read_loads(path)
     if "bend_in_air" not in loads:
         return
-    bend, free = (np.degrees(loads[name].values) for name in ("bend", "bend_unloaded"))
+    coupled = bool(loads.attrs["coupled"])
+    bend, free = (np.degrees(loads[name].values) for name in ("bend_in_water", "bend_unloaded"))
     at = int(np.argmax(np.abs(bend - free)))
-    coupled = bool(np.abs(bend - free)[at] > REST)
     alt = "Bend, tip path, loads along the finger and its energy over time."
     caption = (
         f"At {loads['step'].values[at]:.3f} s the water holds the finger at {bend[at]:.1f}°, which"
-        f" its pressure would bend to {free[at]:.1f}°."
+        f" its pressure would bend to {free[at]:.1f}° without load."
         if coupled
-        else "The motion is prescribed: it is that of a finger that no load bends; the work of the"
-        " pressure is that of what drives it."
+        else "The motion is prescribed: it is that of a finger that no load bends. The dash-dotted"
+        " lines are the same finger in air and in modelled water; the work of the pressure is that"
+        " of what drives the motion."
     )
-    figure = draw_water.water_on_finger(loads, "coupled" if coupled else "prescribed")
+    figure = draw_water.water_on_finger(loads)
     album.add(figure, "water.svg", "water", alt, caption)
 
 

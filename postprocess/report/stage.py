@@ -45,7 +45,7 @@ def make_report(files: StageFiles) -> Path:
         answer=wording.answer(comparison, trial),
         numerics=numerics,
         power=wording.power_sentence(run["power_balance"]),
-        deflection=figures["deflection"],
+        motion=figures["motion"],
         tiles=wording.tiles(comparison),
         rows=wording.rows(comparison, bool(trial)),
         sentences=sentences,

@@ -1,4 +1,4 @@
-"""Loads on slices lose nothing; the deflection of a beam under an even load."""
+"""Loads on slices lose nothing; a stiffness in place of the analysis."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,10 +8,8 @@ import pytest
 
 from fileio.formats.bending_states import States, read
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.deflection import deflections, prescribed
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.loads import slice_loads
-from pipeline.structure.motion import Surroundings
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
@@ -43,32 +41,6 @@ def test_no_force_and_no_moment_is_lost():
     # about any point: forces at the slices' middles and their torques do what the faces' forces do
     own = torque[1:] + (np.conj(at.middle) * (along * heading)[1:]).imag
     assert own.sum() == pytest.approx((np.conj(points) * force).imag[~clamped].sum())
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_tip_of_a_beam_under_an_even_load(sign):
-    """Turn q L³ / 6 EI; 1 %: the sum over 31 slices is of second order."""
-    chain = straight()
-    load = sign * 0.5  # N/m
-    loads = np.zeros((1, chain.slices, 3))
-    loads[..., 1] = load * chain.lengths
-    at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
-    deflection = deflections(chain, np.zeros(1), at, rates, Surroundings(), loads)
-    assert deflection[0] == pytest.approx(load * LENGTH**3 / (6 * EI), rel=0.01)
-
-
-def test_weight_and_buoyancy_are_in_it():
-    """Hanging across gravity: a beam as heavy as water is not bent by it, a heavier one is."""
-    rubber = {"rubber_mass": 998.2 * 4e-4, "rubber_section": 4e-4}
-    for mass, factor in ((1.0, 0.0), (1.5, 0.5)):
-        chain = straight(**rubber | {"rubber_mass": mass * rubber["rubber_mass"]})
-        at, rates = prescribed(chain, lambda t: 0 * t, np.zeros(1))
-        around = Surroundings(9.81j, 998.2)
-        deflection = deflections(
-            chain, np.zeros(1), at, rates, around, np.zeros((1, chain.slices, 3))
-        )
-        wanted = factor * rubber["rubber_mass"] * 9.81 * LENGTH**3 / (6 * EI)
-        assert deflection[0] == pytest.approx(wanted, rel=0.01, abs=1e-9)
 
 
 def test_given_stiffness_takes_the_place_of_the_analysis():

@@ -1,0 +1,136 @@
+"""A scene's finger as a structure: its chain, the pressure in its chambers, where it hangs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fileio.errors import StageError
+from fileio.formats.bending_states import FloatArray, States
+from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
+from pipeline.kinematics.pressure_law import PressureLaw
+from pipeline.scene.scene import Scene
+from pipeline.structure.chain import Chain, ComplexArray, placed
+from pipeline.structure.elastic_law import bending_law, constant_law
+from pipeline.structure.loads import slice_loads, surface_forces
+from pipeline.structure.motion import Surroundings, motion
+
+_GRAVITY = 9.81  # m/s²
+# of a finger in deep water, and in a plane: where no run says (docs/coupling.md)
+_MODELLED = {True: (3.0, 4.0), False: (0.87, 2.2)}
+
+
+@dataclass(frozen=True)
+class ElasticFinger:
+    """A chain in its tank. `known`: whether its answer to a load is."""
+
+    chain: Chain
+    chambers: PressureLaw  # Pa over time, s
+    frame: FloatArray  # rows: axes of the actuator in the tank
+    root: FloatArray  # m
+    water: Surroundings  # without modelled water
+    model: Surroundings  # with it
+    known: bool
+
+    @classmethod
+    def of(cls, scene: Scene) -> ElasticFinger:
+        """That of a scene."""
+        chambers = pressure_law(scene.motion, scene.folder)
+        pressure = chambers(law_times(scene.motion.end_time))
+        lowest, highest = float(pressure.min()), float(pressure.max())
+        states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+        known = bending_law(states, scene.structure.bending_stiffness)
+        law = known or constant_law(1.0, 0.0, len(states.pressure))
+        frame = axes(scene.finger)
+        density, damping = scene.fluid.density, scene.structure.damping
+        mass, drag = _MODELLED[scene.model.kind == "2d"]
+        down = complex(*(frame @ [0.0, -_GRAVITY]))
+        return cls(
+            Chain(states, law, scene.finger.width),
+            chambers,
+            frame,
+            np.asarray(scene.finger.root),
+            Surroundings(down, density, damping=damping),
+            Surroundings(down, density, mass, drag, damping),
+            known is not None,
+        )
+
+    def need_stiffness(self, scene: Scene) -> None:
+        """StageError where the finger's answer to loads is not known."""
+        if not self.known:
+            raise StageError(
+                f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
+                " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness"
+                " (N m2)"
+            )
+
+    def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
+        """Shapes over `time` (s) in place of the pressure, under rotations (time, slice) rad."""
+        chain = self.chain
+        return States(time, chain.profile(pressure, delta), chain.thickness(pressure))
+
+    def in_actuator(self, vectors: FloatArray) -> ComplexArray:
+        """Vectors (…, 2) of the tank in the actuator's frame."""
+        turned = vectors @ self.frame.T
+        return np.asarray(turned[..., 0] + 1j * turned[..., 1], dtype=complex)
+
+    def places(self, points: FloatArray) -> ComplexArray:
+        """Points (…, 2) of the tank in the actuator's frame, from the root's ventral edge."""
+        edge = -0.5j * self.chain.thickness(np.zeros(1))[0, 0]
+        return self.in_actuator(points - self.root) + edge
+
+
+def modelled_shapes(scene: Scene) -> States:
+    """Shapes over time (s) under modelled water; StageError where the finger cannot be coupled."""
+    if scene.body is not None or not scene.motion.states:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: COUPLED=1 takes fingers with motion.source = 'fea': a"
+            " rigid body does not bend, and other motions have no pressure"
+        )
+    if scene.pinch is not None and scene.model.kind in ("half", "full"):
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: COUPLED=1 computes one finger of a pinch, mirrored:"
+            f" give model.kind = 'quarter' or '2d', not {scene.model.kind!r}"
+        )
+    finger = ElasticFinger.of(scene)
+    finger.need_stiffness(scene)
+    step, end = scene.numerics.time_step, scene.motion.end_time
+    time = step * np.arange(round(end / step) + 1)
+    pressure = finger.chambers(time)
+    nothing = np.zeros((len(time), finger.chain.slices, 3))
+    delta = motion(finger.chain, pressure, step, finger.model, nothing)
+    return finger.shapes(time, pressure, delta)
+
+
+class Posed:
+    """A finger in one shape, to which the water's forces are referred."""
+
+    def __init__(self, finger: ElasticFinger, pressure: float, delta: FloatArray) -> None:
+        """`pressure` in Pa; `delta` (slice,) rad."""
+        chain, at = finger.chain, np.array([pressure])
+        self._finger = finger
+        self.placed = placed(chain.unloaded(at), 0, delta)
+        self._shape = chain.profile(at, delta[None])[0], chain.thickness(at)[0]
+
+    def loads(
+        self, surface: Path, density: float, copies: int, left_alone: bool
+    ) -> tuple[FloatArray, float]:
+        """Loads (slice + 1, 3) of a sampled surface: N along and across, N m; and about the root.
+
+        The clamped length comes first. `copies`: of the computed part in the whole finger.
+        """
+        centre, force = surface_forces(surface, density, left_alone)
+        root = self._finger.in_actuator(centre - self._finger.root)
+        push = copies * force
+        moment = float(np.sum((np.conj(root) * self._finger.in_actuator(push)).imag))
+        return self.of_forces(centre, push), moment
+
+    def of_forces(self, place: FloatArray, force: FloatArray) -> FloatArray:
+        """Loads (slice + 1, 3) of forces (piece, 2) N at places (piece, 2) m of the tank."""
+        finger = self._finger
+        along, about = slice_loads(
+            finger.chain, self.placed, *self._shape, finger.places(place), finger.in_actuator(force)
+        )
+        return np.column_stack([along.real, along.imag, about])

@@ -1,0 +1,111 @@
+"""The forces of the water that moves with the finger: potential flow on the mesh of the run.
+
+A wall's acceleration makes the pressure p with Δp = 0 and dp/dn = -ρ a_n at once, whatever the flow
+is. Discretised as the solver does it, on its own cells, this is how its next pressure will answer
+an acceleration of the wall; p = 0 at the gaps by the water surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import xarray as xr
+
+from fileio.formats.bending_states import FloatArray
+from fileio.formats.mesh_intervals import PER_FINGER
+from pipeline.geometry.quality import cell_areas, cell_centres, planform_edges
+
+_ACCURATE = 1e-3  # of the pressure: the scheme is stable within 25 % of the inertia
+
+
+def forces_of_water(
+    planform: xr.Dataset,
+    sweep: xr.Dataset,
+    nodes: FloatArray,
+    acceleration: FloatArray,
+    density: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Places (piece, 2) m of the finger's wall, and forces (mode, piece, 2) N on a whole finger.
+
+    `nodes` (node, 2) m: of the planform in this shape; `acceleration` (mode, node, 2) m/s² of its
+    nodes on the wall.
+    """
+    triangles, quads = planform["triangles"].values, planform["quads"].values
+    column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
+    depth = np.diff(planform["levels"].values)
+    centre = cell_centres(nodes, triangles, quads)
+    number = np.full((len(centre), len(depth)), -1)
+    number[column, layer] = np.arange(len(column))
+    edges = planform_edges(triangles, quads)
+    ends = nodes[edges.nodes]
+    side = ends[:, 1] - ends[:, 0]
+    area, middle = np.column_stack([side[:, 1], -side[:, 0]]), ends.mean(1)
+    inner = edges.right >= 0
+
+    span = np.where(inner[:, None], centre[edges.right], middle) - centre[edges.left]
+    conductance = (area**2).sum(1) / (span * area).sum(1)
+    own, other = number[edges.left], number[edges.right]
+    both = (own >= 0) & (other >= 0) & inner[:, None]
+    a, b = [own[both]], [other[both]]
+    flow = [(conductance[:, None] * depth)[both]]
+    up = (number[:, 1:] >= 0) & (number[:, :-1] >= 0)
+    between = cell_areas(nodes, triangles, quads)[:, None] / (0.5 * (depth[1:] + depth[:-1]))
+    a.append(number[:, :-1][up])
+    b.append(number[:, 1:][up])
+    flow.append(between[up])
+    i, j, w = (np.concatenate(parts) for parts in (a, b, flow))
+    cells = len(column)
+    open_ = np.zeros(cells)
+    for edge in _gaps(planform, middle, inner):
+        there = own[edge][own[edge] >= 0]
+        open_[there] += conductance[edge] * depth[layer[there]]
+    diagonal = np.bincount(i, w, cells) + np.bincount(j, w, cells) + open_
+    off = sp.coo_array((-w, (i, j)), shape=(cells, cells))
+    matrix = (sp.diags_array(diagonal) + off + off.T).tocsr()
+
+    body = np.concatenate([planform["body"].values, np.zeros(len(quads), int)])
+    finger = inner & ((body[edges.left] == 1) ^ (body[np.where(inner, edges.right, 0)] == 1))
+    on_right = body[edges.left] == 1  # the water
+    outwards = np.where(on_right, 1.0, -1.0)[finger, None] * area[finger]  # out of the water
+    wet = np.where(on_right[:, None], other, own)[finger]
+    blocked = (wet >= 0) & (np.where(on_right[:, None], own, other)[finger] < 0)
+    piece, level = np.nonzero(blocked)
+    of_edges = acceleration[:, edges.nodes[finger]].mean(2)
+    through = np.einsum("mpi,pi->pm", of_edges, outwards)
+    moved = np.zeros((cells, len(acceleration)))
+    np.add.at(moved, wet[blocked], through[piece] * depth[level, None])
+    pressure = -density * _solved(matrix, diagonal, moved)
+    total = np.zeros((int(finger.sum()), len(acceleration)))
+    np.add.at(total, piece, pressure[wet[blocked]] * depth[level, None])
+    copies = PER_FINGER[str(planform.attrs["model"])]
+    return middle[finger], copies * total.T[:, :, None] * outwards
+
+
+def _gaps(planform: xr.Dataset, middle: FloatArray, inner: np.ndarray) -> list[int]:
+    """The edges at the tank's sides by the water surface, which are open."""
+    left, _, right, _ = planform.attrs["corners"]
+    found = []
+    for x in (left, right):
+        wall = np.flatnonzero(~inner & (np.abs(middle[:, 0] - x) < 1e-9))
+        if len(wall) and not (x == right and planform.attrs["mirror"]):
+            found.append(int(wall[np.argmax(middle[wall, 1])]))
+    return found
+
+
+def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> FloatArray:
+    """Columns x of matrix x = right, by conjugate gradients for all at once."""
+    x = np.zeros_like(right)
+    rest, direction, old = right.copy(), np.zeros_like(right), np.ones(right.shape[1])
+    least = _ACCURATE**2 * np.maximum((right**2 / diagonal[:, None]).sum(0), 1e-300)
+    for _ in range(len(right)):
+        scaled = rest / diagonal[:, None]
+        new = (rest * scaled).sum(0)
+        if (new <= least).all():
+            break
+        direction = scaled + new / old * direction
+        along = matrix @ direction
+        step = new / np.maximum((direction * along).sum(0), 1e-300)
+        x += step * direction
+        rest -= step * along
+        old = new
+    return x

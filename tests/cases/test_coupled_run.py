@@ -1,0 +1,131 @@
+"""COUPLED=1 with the real solver: to its page, after a kill, on two ranks, over two meshes."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.finger_loads import read_loads
+from fileio.formats.mesh_intervals import read_intervals
+from pipeline.mesh import stage as mesh_stage
+from pipeline.mesh.intervals import divide
+from pipeline.run import stage as run_stage
+from pipeline.scene.scene import load_scene
+from tests.cases.conftest import copy_of, force_difference, record, solving, table
+from tests.conftest import ROOT, prepare, write_scene
+
+pytestmark = [
+    pytest.mark.openfoam,
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
+]
+STROKE = """
+[motion]
+strokes = [{ pressure_kpa = 12.0, start = 0.002, duration = 0.06 }]
+end_time = 0.04
+"""
+COUPLED = f'{STROKE}source = "structure"\n'
+PAGE = """
+[camera]
+columns = 320
+rows = 256
+[piv]
+every = 4
+preset = "fast"
+"""
+
+
+def delta(scene):
+    """Elastic rotations of a run."""
+    return read_elastic_motion(scene.out / "run" / "elastic_motion.h5")["delta"].values
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    write_scene(folder := tmp_path_factory.mktemp("prepared") / "scene", more=COUPLED)
+    return prepare(load_scene(folder, "tiny"))
+
+
+@pytest.fixture(scope="module")
+def solved(prepared, tmp_path_factory):
+    scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "scene")
+    run_stage.run(scene, quiet=True)
+    return scene
+
+
+def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
+    """In a process of its own: a stage that forks from one that has used threads is ended."""
+    scene = write_scene(tmp_path / "scene", more=STROKE + PAGE)
+    words = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny"]
+    words += ["--coupled", "-n", "1"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    path = Path(done.stdout.split("report: ")[-1].strip())
+    page = path.read_text(encoding="utf-8")
+    assert "Pressure and water make the finger" in page
+    assert "motion is prescribed" not in page
+    assert "of the pressure's work is open" in page.replace("&#39;", "'")
+    loads = read_loads(path.parent / "loads.h5")
+    # the water holds back the finger that its pressure alone would bend, by several degrees
+    behind = np.degrees(loads["bend_unloaded"] - loads["bend"]).values.max()
+    assert behind > 3
+    again = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert again.returncode == 0
+    assert "kinematics:" not in again.stdout  # nothing is made twice
+
+
+def test_the_loads_of_the_run_make_its_motion(solved):
+    """The criterion of every coupled run, in one run; on this mesh it is met ten times over."""
+    file = read_elastic_motion(solved.out / "run" / "elastic_motion.h5")
+    assert file.attrs["runs"] == 1
+    assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
+    assert file.attrs["open_energy"] < 0.02
+
+
+def test_killed_and_resumed_it_moves_as_an_undisturbed_run(prepared, solved, tmp_path):
+    killed = copy_of(prepared, tmp_path / "killed")
+    command, case = solving(killed), killed.out / "case" / "interval_0"
+    process = subprocess.Popen(command, cwd=ROOT)
+    deadline = time.monotonic() + 600
+    while not (case / "0.02" / "U").exists() and time.monotonic() < deadline:
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not (killed.out / "run" / "run.json").exists()
+    time.sleep(0.5)  # the solver, which waits for its next step, must notice
+    subprocess.run(command, cwd=ROOT, check=True)
+    assert len(record(killed)["resumed"]) == 1
+    assert np.array_equal(delta(killed), delta(solved))
+    assert np.array_equal(table(killed), table(solved))
+
+
+def test_two_ranks_move_it_as_one(prepared, solved, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
+    scene = copy_of(prepared, tmp_path / "apart")
+    run_stage.run(scene, quiet=True, ranks=2)
+    assert record(scene)["ranks"] == 2
+    # 1e-3 of a force where the pressure iterations end at 0.5 % of a residual; it moves the finger
+    assert force_difference(solved, scene) < 5e-3
+    assert np.abs(delta(scene) - delta(solved)).max() < 1e-3 * np.abs(delta(solved)).max()
+
+
+def test_over_two_meshes_it_moves_as_over_one(tmp_path, monkeypatch):
+    """Fields are mapped to the second mesh: 3 % of the motion, as of forces in prescribed runs."""
+    longer = COUPLED.replace("end_time = 0.04", "end_time = 0.07")
+    one = prepare(write_scene(tmp_path / "one", more=longer))
+
+    def in_two(deformation, count, *others):
+        return divide(deformation, 2, *others)
+
+    monkeypatch.setattr(mesh_stage, "divide", in_two)
+    two = prepare(write_scene(tmp_path / "two", more=longer))
+    for scene, meshes in ((one, 1), (two, 2)):
+        run_stage.run(scene, quiet=True)
+        assert len(read_intervals(scene.out)) == meshes
+    assert np.abs(delta(two) - delta(one)).max() < 0.03 * np.abs(delta(one)).max()
