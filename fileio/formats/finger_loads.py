@@ -67,7 +67,8 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
         return (
             f"Pressure and water make the finger's motion together: the loads{again}{order} would"
             f" move its tip by {values['tip_change'] * 1e3:.2g} mm more, and"
-            f" {values['open_energy']:.1%} of the pressure's work is open."
+            f" {values['open_energy']:.1%} of the pressure's work is open"
+            + (" until the contact." if values["largest_contact"] > 0 else ".")
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"
                 " bending was analysed."

@@ -117,7 +117,7 @@ class Check:
 
     tip: float  # m, by which it moves the tip at most
     bend: float  # rad, likewise
-    open_energy: float  # over the pressure's work
+    open_energy: float  # over the pressure's work, until the first contact
     moment: float = 0.0  # the largest on a joint, over that of the bending law's table
 
     def passes(self, length: float) -> bool:
@@ -142,8 +142,12 @@ def check(
     rest += history.contact
     after = motion(chain, history.pressure, step, around, rest, history.delta[0])
     change = chain.profile(history.pressure, after) - chain.profile(history.pressure, history.delta)
-    loads = history.loads + history.contact
-    parts = energies(chain, history.pressure, history.delta, step, water, loads)
+    # an impact takes energy within a step, in which it is not resolved
+    touched = np.flatnonzero(history.contact.any(axis=(1, 2)))
+    free = slice(0, touched[0] if len(touched) else None)
+    parts = energies(
+        chain, history.pressure[free], history.delta[free], step, water, history.loads[free]
+    )
     bent = np.diff(history.delta, axis=1, prepend=0.0) / chain.springs
     laws = [law_at(chain.law, chain.pressure, p) for p in history.pressure]
     share = max(law.share(law.moment(b)) for law, b in zip(laws, bent, strict=True))

@@ -100,7 +100,7 @@ def purpose(scene: dict[str, Any], trial: str, speed: float, tip_height: float) 
             f"any number of the {name}: its flow in space differs from this one.",
         )
     avoid = ["peak vorticity and wall friction, which a finer grid still changes"]
-    if not (scene.get("body") or scene["motion"]["shapes"]):
+    if not scene.get("body") and scene["motion"]["source"] != "structure":
         avoid.append("how fast a free finger bends: the motion is prescribed (COUPLED=1 frees it)")
     if _froude(scene, speed, tip_height) > _WAVES:
         avoid.append("anything near the surface: the simulation has no waves")
