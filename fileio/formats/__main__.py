@@ -16,6 +16,8 @@ from fileio.formats import (
     plane_series,
     recorded_motion,
     recording,
+    records,
+    vortex_table,
 )
 from fileio.schema import rows
 
@@ -26,6 +28,15 @@ _MODULES = (
 )  # fmt: skip
 SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
 
+_TABLES = {
+    "vortices_*.csv": ", ".join(vortex_table.COLUMNS),
+    "run/forces.csv": records.FORCES.header,
+    "run/power.csv": records.POWER.header,
+    "run/power_terms.csv": records.POWER_TERMS.header,
+    "run/history.csv": records.HISTORY.header,
+    "mesh_quality.csv": records.MESH_QUALITY.header,
+}
+
 
 def table() -> str:
     """The variables and attributes of every format, as CSV."""
@@ -33,6 +44,7 @@ def table() -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("format", "name", "dimensions", "unit", "meaning"))
     writer.writerows(row for schema in SCHEMAS for row in rows(schema))
+    writer.writerows((file, names, "columns", "SI", "") for file, names in _TABLES.items())
     return text.getvalue()
 
 
