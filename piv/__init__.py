@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from piv.images.calibration import load_calibration as load_calibration
     from piv.images.open_recording import open_recording as open_recording
     from piv.images.part_of_recording import part_of_recording as part_of_recording
+    from piv.momentum.outline import line_loads as line_loads
+    from piv.momentum.pressure import pressure as pressure
     from piv.sequence.ensemble import correlate_ensemble as correlate_ensemble
     from piv.sequence.multiframe import correlate_frames as correlate_frames
     from piv.sequence.sequence import SequenceOptions as SequenceOptions
@@ -49,6 +51,8 @@ _MODULES = {
     "piv.images.calibration": ("Calibration", "calibrate_plane", "load_calibration"),
     "piv.images.open_recording": ("open_recording",),
     "piv.images.part_of_recording": ("part_of_recording",),
+    "piv.momentum.outline": ("line_loads",),
+    "piv.momentum.pressure": ("pressure",),
     "piv.sequence.ensemble": ("correlate_ensemble",),
     "piv.sequence.multiframe": ("correlate_frames",),
     "piv.sequence.sequence": ("SequenceOptions", "correlate_recording"),

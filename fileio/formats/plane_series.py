@@ -26,6 +26,17 @@ tip_direction?~  time?, finger, axis  1  unit vector out of the tip, along the f
 dorsal_direction?~  time?, finger, axis  1  unit vector at the tip, from ventral to dorsal side
 bend?~  time?, finger  rad  bend angle, positive towards the ventral side
 """)
+LOADS = variables("""
+p_outline?~  time, finger, point  Pa  pressure of the water on the outline
+p_outline_std?~  time, finger, point  Pa  its standard uncertainty
+line_force?~  time, finger, axis  N/m  force of that pressure per length across the sheet
+line_force_std?~  time, finger, axis  N/m  its standard uncertainty
+line_moment?~  time, finger  N  its moment about `moment_about`, per length across the sheet
+line_moment_std?~  time, finger  N  its standard uncertainty
+pressure_reference?  -  -  where `p` is 0
+pressure_boundary?  -  -  what was taken as known on the outline
+moment_about?  -  m  x, y of the moment's point
+""")
 ORIGIN = variables("""
 source?  -  -  `cfd`, `piv`, `truth` or `lab`
 tip_width?  -  m  of the finger
@@ -50,9 +61,12 @@ v_std?~  time?, y, x  m/s  standard uncertainty of v
 correlation?~  time?, y, x  1  of PIV: height of the peak, 1 = the two windows are alike
 w?~  time?, y, x  m/s  out-of-plane velocity on the sheet
 dwdz?~  time?, y, x  1/s  its gradient across the sheet
-p?~  time?, y, x  Pa  pressure without the hydrostatic part, zero far away
+p?~  time?, y, x  Pa  pressure without the hydrostatic part, zero far away; of PIV: see
+  `pressure_reference`
+p_std?~  time?, y, x  Pa  standard uncertainty of p
 """)
     + FINGERS
+    + LOADS
     + ORIGIN
     + variables("interval?  -  s  between the exposures of a pair, where it is the same for all"),
 )

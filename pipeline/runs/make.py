@@ -44,6 +44,7 @@ _TICK = 0.5  # s between two checks of the processes
 _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
     "piv": lambda scene: piv_settings(scene.piv, scene.camera),
+    "pressure": lambda scene: scene.pressure_settings(),
     "vortices_cfd": lambda scene: scene.vortices.model_dump(mode="json"),
     "vortices_piv": lambda scene: scene.vortices.model_dump(mode="json"),
 }

@@ -93,6 +93,11 @@ STAGES = (
         piv=True, cost=(120, 800), threads=True,
     ),
     Stage(
+        "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",
+        ("piv",), ("pressure.h5",), {"fluid": {"density", "kinematic_viscosity"}},
+        piv=True, cost=(40, 500),
+    ),
+    Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
         version=2, group="vortices", piv=True, threads=True,
@@ -116,7 +121,7 @@ STAGES = (
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
-        ("compare", "loads", "kinematics", "mesh", "run", "sheet", "images", "piv"),
+        ("compare", "loads", "kinematics", "mesh", "run", "sheet", "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
         version=2, cost=(60, 900), threads=True,
     ),

@@ -111,6 +111,14 @@ class Scene(Section):
         )
         return self.model_copy(update={"finger": finger})
 
+    def pressure_settings(self) -> dict[str, Any]:
+        """The settings of `piv pressure`: moments about finger 0's root, or the body's centre."""
+        return {
+            "density": self.fluid.density,
+            "viscosity": self.fluid.kinematic_viscosity,
+            "about": self.body.centre if self.body else self.finger.root,
+        }
+
     def remarks(self) -> list[str]:
         """Warnings about a scene that is valid but may not be as its author thinks."""
         remarks, motion = list(self.notes), self.motion

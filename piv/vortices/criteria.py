@@ -42,18 +42,21 @@ def gradients(
 
 
 def derivative(f: ndarray, ok: ndarray, step: float, axis: int, scheme: str) -> ndarray:
-    """Derivative of `f` along `axis`, scheme as in `gradients`."""
-    f = np.moveaxis(np.where(ok, f, 0.0), axis, -1)
-    ok = np.moveaxis(ok, axis, -1)
+    """Derivative of `f` (y, x), or of a stack (…, y, x), along y (`axis` 0) or x (1).
+
+    Scheme as in `gradients`.
+    """
+    f = np.moveaxis(np.where(ok, f, 0.0), axis - 2, -1)
+    ok = np.moveaxis(ok, axis - 2, -1)
     n = f.shape[-1]
-    value = np.pad(f, [(0, 0), (2, 2)])
-    there = np.pad(ok, [(0, 0), (2, 2)])
+    value = np.pad(f, [(0, 0)] * (f.ndim - 1) + [(2, 2)])
+    there = np.pad(ok, [(0, 0)] * (ok.ndim - 1) + [(2, 2)])
 
     def at(k: int) -> ndarray:
-        return value[:, 2 + k : 2 + k + n]
+        return value[..., 2 + k : 2 + k + n]
 
-    left1, right1 = (there[:, 2 + k : 2 + k + n] for k in (-1, 1))
-    left2, right2 = left1 & there[:, :n], right1 & there[:, 4:]
+    left1, right1 = (there[..., 2 + k : 2 + k + n] for k in (-1, 1))
+    left2, right2 = left1 & there[..., :n], right1 & there[..., 4:]
     full = (
         (2 * at(2) + at(1) - at(-1) - 2 * at(-2)) / 10
         if scheme == "least-squares"
@@ -71,7 +74,7 @@ def derivative(f: ndarray, ok: ndarray, step: float, axis: int, scheme: str) -> 
         ],
         np.nan,
     )
-    return np.moveaxis(np.where(ok, out / step, np.nan), -1, axis)
+    return np.moveaxis(np.where(ok, out / step, np.nan), -1, axis - 2)
 
 
 def vorticity(g: Gradients) -> ndarray:

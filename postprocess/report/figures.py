@@ -14,6 +14,7 @@ import pandas as pd
 from fileio.child_process import read_in_child, worker_pool
 from fileio.formats.finger_loads import motion_sentence, read_loads
 from fileio.formats.mesh_intervals import read_planforms
+from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
 from postprocess.evidence.load import read_clock, read_sources, single_finger
@@ -22,6 +23,7 @@ from postprocess.report.flow_figures import Flow, instant_figures, slider_frames
 from postprocess.report.motion_figures import bending_figure, water_figure
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
+from postprocess.report.pressure_figures import pressure_figure
 from postprocess.report.run_figures import camera_picture, mesh_figures, solver_figures
 from postprocess.report.space_figures import space_figures
 from postprocess.report.time_figures import timeline, vortex_figures
@@ -128,6 +130,9 @@ def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, A
         bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
+        if plane.sizes["finger"] == 1 and (measured := files.optional("pressure.h5")):
+            with read_plane(measured) as series:
+                pressure_figure(album, series, plane, float(np.mean(middle)))
     solver_figures(album, out)
     if (out / "images.h5").exists():
         camera_picture(album, out / "images.h5", float(np.mean(middle)))

@@ -17,7 +17,7 @@ from tests.conftest import ROOT, write_scene
 
 REPORT = ["report"]
 PAGE = ["compare", "figures", "report"]
-OF_PIV = ["piv", "vortices_piv", *PAGE]
+OF_PIV = ["piv", "pressure", "vortices_piv", *PAGE]
 OF_IMAGES = ["images", *OF_PIV]
 OF_SHEET = ["sheet", "vortices_cfd", *OF_IMAGES]
 OF_CASE = ["case", "run", "loads", *OF_SHEET]

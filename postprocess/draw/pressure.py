@@ -1,0 +1,71 @@
+"""Pressure in the sheet from PIV beside the simulation's, and the loads of both."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from postprocess.draw.series import BAND
+from postprocess.draw.style import COLOURS, MM, NAMES, new_figure
+
+_AROUND = 0.03  # m shown beside the tip's way
+
+
+def pressure_and_loads(
+    planes: dict[str, xr.Dataset], on_outline: dict[str, np.ndarray], loads: pd.DataFrame
+) -> Figure:
+    """Maps of `p` (Pa) at one instant, its course along the outline, the moment over time.
+
+    planes: that instant of each source. on_outline: (point,) Pa. loads: as `load_table` gives them.
+    """
+    figure, axes = new_figure(9.6, 8.0, 2, 2)
+    size = float(np.nanpercentile(np.abs(planes["cfd"]["p"].values), 99.5))
+    for axis, (source, plane) in zip(axes[0], planes.items(), strict=True):
+        _map(figure, axis, plane, size, NAMES[source])
+    along, moment = axes[1]
+    way = _from_tip(planes["piv"]) * MM
+    order = np.argsort(way)
+    for source, pressure in on_outline.items():
+        line: dict[str, Any] = {"color": COLOURS[source], "label": NAMES[source]}
+        along.plot(way[order], pressure[order], **line)
+        moment.plot(loads["time"], loads[f"moment_{source}"], **line)
+    std = BAND * loads["moment_piv_std"]
+    low, high = loads["moment_piv"] - std, loads["moment_piv"] + std
+    moment.fill_between(loads["time"], low, high, color=COLOURS["piv"], alpha=0.2, linewidth=0)
+    label = "along the outline from the tip, mm\n(ventral < 0 < dorsal)"
+    along.set(xlabel=label, ylabel="pressure, Pa", title="On the finger, same instant")
+    moment.set(xlabel="time, s", ylabel="N m per metre of width", title="Moment about the root")
+    along.legend(loc="best")
+    return figure
+
+
+def _map(figure: Figure, axis, plane: xr.Dataset, size: float, name: str) -> None:
+    x, y, tip = plane["x"].values, plane["y"].values, plane["tip"].values[0]
+    root = plane["outline"].values[0][:, 1].max()
+    grid = axis.pcolormesh(
+        x * MM, y * MM, plane["p"].values, cmap="RdBu_r", vmin=-size, vmax=size, rasterized=True
+    )
+    axis.fill(*(plane["outline"].values[0].T * MM), color="k")
+    axis.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title=f"Pressure, {name}")
+    wide = 0.5 * (root - tip[1]) + _AROUND
+    axis.set_xlim((tip[0] - wide) * MM, (tip[0] + wide) * MM)
+    axis.set_ylim((tip[1] - _AROUND) * MM, (root + 0.3 * _AROUND) * MM)
+    axis.grid(False)
+    figure.colorbar(grid, ax=axis, label="Pa", shrink=0.8)
+
+
+def _from_tip(plane: xr.Dataset) -> np.ndarray:
+    """Way (point,) m of the outline's points from the tip, on the dorsal side positive."""
+    outline, tip = plane["outline"].values[0], plane["tip"].values[0]
+    steps = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
+    middle = int(np.argmin(np.linalg.norm(outline - tip, axis=1)))
+    round_ = float(steps.sum())
+    way = (way - way[middle] + 0.5 * round_) % round_ - 0.5 * round_
+    dorsal = (outline - tip) @ plane["dorsal_direction"].values[0]
+    near = np.abs(way) < 0.1 * round_
+    return way * (1.0 if np.sum(way[near] * dorsal[near]) > 0 else -1.0)

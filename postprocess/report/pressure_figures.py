@@ -1,0 +1,39 @@
+"""Picture of the water's pressure and loads in the sheet, of both sources."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from postprocess.draw import pressure as draw_pressure
+from postprocess.evidence.line_loads import load_table, loads_of_sheet, relative_difference
+from postprocess.report.picture_index import Album
+
+
+def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time: float) -> None:
+    """Pressure of PIV beside that of the simulation's sheet `plane` nearest to `time` (s)."""
+    own = loads_of_sheet(plane, measured)
+    table = load_table(measured, own)
+    now = measured.sel(time=time, method="nearest")
+    nearest = int(np.argmin(np.abs(plane["time"].values - float(now["time"]))))
+    here = plane.isel(time=nearest)
+    # one zero for both: the mean along the edge of the measured view
+    edge = np.ones(now["p"].shape, bool)
+    edge[1:-1, 1:-1] = False
+    along = here["p"].interp(x=now["x"], y=now["y"]).values[edge & np.isfinite(now["p"].values)]
+    zero = float(np.nanmean(along))
+    planes = {"cfd": here.assign(p=here["p"] - zero), "piv": now}
+    on_outline = {
+        "cfd": own["p_outline"].values[nearest, 0] - zero,
+        "piv": now["p_outline"].values[0],
+    }
+    caption = (
+        f"At {float(now['time']):.3f} s; each is 0 on average along the edge of PIV's view. The"
+        f" moment from PIV is {relative_difference(table):.0%} off the same integral of the"
+        " simulation's pressure (RMS over the run); its band is 95 %. PIV has the pressure that"
+        " the water's acceleration needs: a difference in the vortex is what the simulation's"
+        " schemes take from the momentum."
+    )
+    alt = "Pressure around the finger from CFD and PIV, along its outline, and its moment."
+    figure = draw_pressure.pressure_and_loads(planes, on_outline, table)
+    album.add(figure, "pressure.png", "water", alt, caption)
