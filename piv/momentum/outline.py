@@ -73,11 +73,11 @@ def wall_gradients(series: xr.Dataset, at: int, density: float) -> ndarray | Non
     """Pressure gradient (finger, point, axis) at the outline of instant `at`, Pa/m.
 
     Water at a wall has the wall's acceleration: central differences of `outline_velocity`. None
-    where the series does not have it.
+    where the series does not have it, or has one instant.
     """
-    if "outline_velocity" not in series:
-        return None
     count = series.sizes["time"]
+    if "outline_velocity" not in series or count < 2:
+        return None
     ends = [max(at - 1, 0), min(at + 1, count - 1)]
     velocity = series["outline_velocity"].isel(time=ends).values
     return -density * np.diff(velocity, axis=0)[0] / float(np.diff(series["time"].values[ends])[0])

@@ -8,37 +8,41 @@ import xarray as xr
 
 from piv.momentum.outline import line_loads
 
-# of `load_table`, N and N/m
-LOADS = {"moment": "line_moment", "force_x": "line_force", "force_y": "line_force"}
+_LOADS: tuple[tuple[str, str, dict[str, int]], ...] = (
+    ("moment", "line_moment", {}),
+    ("force_x", "line_force", {"axis": 0}),
+    ("force_y", "line_force", {"axis": 1}),
+)
 
 
-def load_table(
-    measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0, end: float = np.inf
-) -> pd.DataFrame:
-    """Moment and force over the common time: `time`, `moment_piv`, `_piv_std`, `_cfd`, `force_x_…`.
+def loads_of_sheet(sheet: xr.Dataset, measured: xr.Dataset) -> xr.Dataset:
+    """`piv.line_loads` of the simulation's sheet, about the point of the measured loads."""
+    x, y = measured.attrs["moment_about"]
+    return line_loads(sheet, (float(x), float(y)), float(measured.attrs["density"]))
+
+
+def load_table(measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0) -> pd.DataFrame:
+    """Loads of both sources over their common time: `time`, `moment_piv`, `_piv_std`, `_cfd`, ….
 
     measured: a series of `piv pressure`, of a laboratory or of the virtual recording, in the
-    simulation's frame and clock. simulated: the sheet of the simulation with `p`, `outline` and
-    `outline_velocity`. N m per metre across the sheet about the measured series' `moment_about`,
-    and N/m. The simulation's are the same integral of its own pressure, by lines in time. `end`: s,
-    the last instant. ValueError where the measured series has no loads, or times do not overlap.
+    simulation's frame and clock. simulated: `loads_of_sheet`, interpolated by lines in time. The
+    moment, N m per metre across the sheet, and `force_x`, `force_y`, N/m. Comparable where the
+    measured sheet is the simulation's plane of symmetry. ValueError where the measured series has
+    no loads, or times do not overlap.
     """
     if "line_moment" not in measured:
         raise ValueError("no loads in the measured series: its vectors have no outline")
-    about, density = measured.attrs["moment_about"], float(measured.attrs["density"])
-    times = measured["time"].values
-    clock = simulated["time"].values
-    times = times[(times >= clock[0]) & (times <= min(end, clock[-1]))]
+    times, clock = measured["time"].values, simulated["time"].values
+    times = times[(times >= clock[0]) & (times <= clock[-1])]
     if not len(times):
         raise ValueError("the measured loads and the simulation have no common time")
-    own = line_loads(simulated, tuple(about), density)
     found = measured.sel(time=times)
     table = pd.DataFrame({"time": times})
-    for axis, (name, variable) in enumerate(LOADS.items(), start=-1):
-        part = {"finger": finger} | ({"axis": axis} if axis >= 0 else {})
+    for name, variable, part in _LOADS:
+        part = {"finger": finger} | part
         table[f"{name}_piv"] = found[variable].isel(part).values
         table[f"{name}_piv_std"] = found[f"{variable}_std"].isel(part).values
-        table[f"{name}_cfd"] = np.interp(times, clock, own[variable].isel(part).values)
+        table[f"{name}_cfd"] = np.interp(times, clock, simulated[variable].isel(part).values)
     return table
 
 

@@ -1,0 +1,42 @@
+"""The load in the sheet as a quantity of two sources."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from postprocess.evidence.line_loads import load_table, relative_difference
+
+
+def series(times: list[float], moment: list[float], std: float = 0.0) -> xr.Dataset:
+    """Loads of one finger at some instants; the force along y is half the moment."""
+    value = np.array(moment)[:, None]
+    force = np.stack([0 * value, 0.5 * value], axis=-1)
+    names = ("time", "finger", "axis")
+    values = {"line_moment": (names[:2], value), "line_force": (names, force)}
+    values |= {f"{n}_std": (d, np.full(v.shape, std)) for n, (d, v) in values.items()}
+    return xr.Dataset(values, coords={"time": times})
+
+
+def test_loads_of_two_sources_side_by_side() -> None:
+    """Over the common time, the simulation's by lines; 10 % more everywhere is 10 % off."""
+    table = load_table(
+        series([0.05, 0.15, 0.25, 0.35], [1.65, 2.75, 3.85, 9.0], 0.2),
+        series([0.0, 0.1, 0.2, 0.3], [1.0, 2.0, 3.0, 4.0]),
+    )
+    assert list(table["time"]) == [0.05, 0.15, 0.25]
+    np.testing.assert_allclose(table["moment_cfd"], [1.5, 2.5, 3.5])
+    np.testing.assert_allclose(table["force_y_piv"], table["moment_piv"] / 2)
+    assert set(table["moment_piv_std"]) == {0.2}
+    for name in ("moment", "force_y"):
+        assert relative_difference(table, name) == pytest.approx(0.1)
+
+
+def test_what_has_no_loads_or_no_common_time_is_refused() -> None:
+    """In one sentence."""
+    own = series([0.0, 0.1], [1.0, 2.0])
+    with pytest.raises(ValueError, match="no outline"):
+        load_table(own.drop_vars("line_moment"), own)
+    with pytest.raises(ValueError, match="no common time"):
+        load_table(series([0.5, 0.6], [1.0, 2.0]), own)
