@@ -104,7 +104,10 @@ def run(
             return
         make(made, until, machine, quiet)
     if until == "report" and not quiet:
-        print(f"report: {made.path('report').resolve()}")
+        from postprocess.report.stage import outcome
+
+        computed, shown = outcome(made.scene)
+        print(f"computed: {computed}\nresult: {shown}\nreport: {made.path('report').resolve()}")
 
 
 @app.command
@@ -156,10 +159,14 @@ def study(
 
 @app.command
 def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
-    """Measure the cost of accuracy, which ACCURACY and BUDGET need."""
+    """Measure the cost of accuracy, which ACCURACY and BUDGET need; hours.
+
+    A scene without a studies/tradeoff.csv takes that of the scene that it extends.
+    """
+    from pipeline.study.accuracy import study_table
     from postprocess.studies.tradeoff import write_tradeoff
 
-    write_tradeoff(study(scene / "studies" / "tradeoff.csv"))
+    write_tradeoff(study(study_table(_open(scene, "coarse").scene), scene=scene))
 
 
 @app.command
@@ -215,14 +222,37 @@ def view(
 
 @app.command
 def new(
-    folder: Annotated[Path, Parameter(help="Folder of the new scene.")],
+    folder: Annotated[Path, Parameter(help="The new scene: a name in cases/, or a folder.")],
     *,
+    length: Annotated[str, Parameter(help="Of an own finger, as 50mm.")] = "",
+    width: Annotated[str, Parameter(help="Of the finger, as 20mm.")] = "",
+    pressure: Annotated[Path | None, Parameter(help="Table t,p (s, Pa), as p.csv.")] = None,
+    tank: Annotated[str, Parameter(help="Length x height x depth, as 400x250x250 (mm).")] = "",
     extends: Annotated[Path | None, Parameter(help="The scene that it extends.")] = None,
 ) -> None:
-    """Write a new scene.toml: all keys with their meaning, or one that extends another scene."""
+    """Write the scene.toml of an own finger in which everything fits, or a template.
+
+    With length, width, pressure and tank, the scene extends cases/single_finger, and the file
+    names what it assumes. With extends alone it holds that line; with nothing all keys.
+    """
     from fileio.atomic import write_text
+    from pipeline.new_scene import PARENT, Own, advice, lengths, write_scene
     from pipeline.scene_reference import scene_template
 
+    if len(folder.parts) == 1 and Path("cases").is_dir():
+        folder = Path("cases") / folder
+    given = {"--length": length, "--width": width, "--pressure": pressure, "--tank": tank}
+    if missing := [name for name, value in given.items() if not value]:
+        if len(missing) < len(given):
+            raise StageError(f"give {' and '.join(missing)}, too: softfinger new --help")
+    else:
+        assert pressure is not None
+        (long,), (wide,) = lengths(length, "--length", 1), lengths(width, "--width", 1)
+        x, y, z = lengths(tank, "--tank", 3, "mm")
+        own = Own(long, wide, pressure, (x, y, z))
+        scene = write_scene(folder, own, extends or PARENT)
+        print("\n".join([*scene.remarks(), advice(scene)]))
+        return
     path = folder / "scene.toml"
     if path.exists():
         raise StageError(f"{path}: exists already; give another folder, or edit it")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,17 @@ LOWEST_VALID_PRESSURE = -25e3  # Pa; below it the walls would pass through each 
 _CHAMBERS = 8
 # m, as the paper names them: heights of the cavity and of its rectangular part, side wall, length
 _H1, _H2, _B1, _L2 = 0.012, 0.007, 0.002, 0.003
+
+
+_ACTUATOR = {
+    "chambers": _CHAMBERS, "wedge_deg": 15.0, "width": 0.028, "h1": _H1, "h2": _H2, "l1": 0.002,
+    "l2": _L2, "gap": 0.002, "b1": _B1, "b2": 0.0025,
+}  # fmt: skip
+
+
+def describes(actuator: dict[str, Any]) -> bool:
+    """Whether the equations are of an actuator, a scene's section: its geometry is the paper's."""
+    return all(np.isclose(actuator.get(key, np.nan), value) for key, value in _ACTUATOR.items())
 
 
 def bend(

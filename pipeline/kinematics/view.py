@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,33 +13,41 @@ from pipeline.scene.measurement import Camera
 from pipeline.scene.predicted import picture_of
 from pipeline.scene.scene import Scene
 
+_STILL = 0.02  # of the peak speed
 _SHAPES = 61  # over the motion's pressures: the tip moves by a few degrees between two
 _ROOM = 0.45  # of the finger's length, around root and path, for the vortices that the tip sheds
 _SPACING_PX = 4  # of the grid that the flow is sampled on
 _LEAST_CIRCULATION = 0.01  # of peak tip speed times length: the shipped scenes' share
 
 
-def tip_path(scene: Scene) -> tuple[ndarray, float]:
-    """Places (shape, 2) of the tip's middle over the whole motion (m), and its peak speed (m/s).
+@dataclass(frozen=True)
+class TipPath:
+    """Places (shape, 2) of the tip's middle over a motion (m), peak speed (m/s), and turns back."""
 
-    StageError where the motion cannot be.
-    """
+    places: ndarray
+    speed: float
+    turns: int
+
+
+def tip_path(scene: Scene) -> TipPath:
+    """The path of a finger's tip; StageError where the motion cannot be."""
     motion = finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
     time = law_times(scene.motion.end_time)
     parameter = motion.law(time)
     known = np.linspace(parameter.min(), parameter.max(), _SHAPES)
     tip = motion.to_tank(np.array([motion.shapes.tip(p)[0] for p in known]))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(tip, axis=0).T))])
-    speed = np.abs(np.gradient(np.interp(parameter, known, way), time)).max()
-    return tip, float(speed)
+    speed = np.gradient(np.interp(parameter, known, way), time)
+    moving = np.sign(speed[np.abs(speed) > _STILL * np.abs(speed).max()])
+    return TipPath(tip, float(np.abs(speed).max()), int((np.diff(moving) != 0).sum()))
 
 
 def following(scene: Scene) -> dict[str, Any]:
     """Values by dotted key of what the scene leaves to follow from the motion. StageError."""
-    tip, speed = tip_path(scene)
+    path = tip_path(scene)
     length = scene.finger.length + scene.finger.tip.length
     camera = scene.camera
-    points = np.vstack([tip, scene.finger.root])
+    points = np.vstack([path.places, scene.finger.root])
     if scene.pinch is not None:
         points = np.vstack([points, points * [-1, 1]])
     low, high = points.min(0) - _ROOM * length, points.max(0) + _ROOM * length
@@ -52,7 +61,7 @@ def following(scene: Scene) -> dict[str, Any]:
         },
         "sheet": {"spacing": round(_SPACING_PX * scale * 1e-3, 7)},
         "vortices": {
-            "min_circulation": _rounded_up(_LEAST_CIRCULATION * speed * length),
+            "min_circulation": _rounded_up(_LEAST_CIRCULATION * path.speed * length),
         },
     }
     return {

@@ -34,13 +34,14 @@ from fileio.record import (
 from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
-from pipeline.runs.run import Run, take_over
+from pipeline.runs.run import Run, take_over, targets
 from pipeline.runs.stages import BY_NAME, FEA, Stage
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 
 _TIDY = 5.0  # s for a stage to end by itself after an interruption
 _TICK = 0.5  # s between two checks of the processes
+LOG = "log.txt"  # in a run's folder: what the stages print
 _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
     "piv": lambda scene: piv_settings(scene.piv, scene.camera),
@@ -88,6 +89,7 @@ def make(
 ) -> None:
     """Make the stale stages of a target; no stage may take longer than `longest` (s).
 
+    What the stages print goes to the run's LOG; the lines of the target and warnings are shown.
     StageError with the sentence of the stage that failed, OSError where the machine is the cause;
     RuntimeError for a defect in a stage.
     """
@@ -97,23 +99,35 @@ def make(
         for remark in run.scene.remarks():
             print(remark, flush=True)
     seconds = {stage: _expected(run, stage, machine) for stage in waiting}
+    shown = targets(target) if target != "report" else []
     running: list[_Job] = []
     failed: _Job | None = None
+    run.out.mkdir(parents=True, exist_ok=True)
+    if waiting and not quiet:
+        time_ = duration(sum(seconds.values()))
+        print(f"{run.out}: about {time_}; what the stages print: {run.out / LOG}", flush=True)
     bar = tqdm(
         total=sum(seconds.values()), disable=quiet or not waiting or None,
         bar_format="{desc} {percentage:3.0f}%|{bar}| {elapsed} of about {unit}",
     )  # fmt: skip
-    with bar:
+    with bar, (run.out / LOG).open("a", encoding="utf-8") as log:
+
+        def tell(job: _Job, line: str) -> None:
+            log.write(f"{line}\n")
+            log.flush()
+            if not quiet and (job.stage in shown or "warning" in line):
+                bar.write(line, file=sys.stdout)
+
         try:
             while running or (waiting and failed is None):
                 for stage in waiting[:] if failed is None else ():
                     ahead = {*waiting, *(job.stage for job in running)}
                     if len(running) < machine.jobs and not ahead & {*run.inputs(BY_NAME[stage])}:
                         waiting.remove(stage)
-                        running.append(_start(run, stage, machine, quiet))
+                        running.append(_start(run, stage, machine))
                 _show(bar, running, waiting, seconds)
                 _end_hung(running, longest)
-                for job in _finished(running, bar):
+                for job in _finished(running, tell):
                     running.remove(job)
                     failed = failed or (job if job.ended and job.ended[0] else None)
         except BaseException:
@@ -214,10 +228,10 @@ def _expected(run: Run, stage: str, machine: Machine) -> float:
     return estimate(run, stage)[0] / (machine.ranks if step.ranks else 1)
 
 
-def _start(run: Run, stage: str, machine: Machine, quiet: bool) -> _Job:
+def _start(run: Run, stage: str, machine: Machine) -> _Job:
     here, there = get_context("fork").Pipe(duplex=False)
     process = get_context("fork").Process(
-        target=_child, args=(run, stage, machine, quiet, there), name=stage
+        target=_child, args=(run, stage, machine, there), name=stage
     )
     sys.stdout.flush()
     process.start()
@@ -225,12 +239,12 @@ def _start(run: Run, stage: str, machine: Machine, quiet: bool) -> _Job:
     return _Job(stage, process, here, time.monotonic())
 
 
-def _child(run: Run, stage: str, machine: Machine, quiet: bool, pipe: Connection) -> None:
+def _child(run: Run, stage: str, machine: Machine, pipe: Connection) -> None:
     """Make a stage; sends its lines, exit code and error to the parent through `pipe`."""
     die_with_parent()
     sys.stdout = sys.stderr = _Lines(pipe)
     try:
-        make_stage(run, stage, machine, quiet)
+        make_stage(run, stage, machine)
         pipe.send((0, ""))
     except KeyboardInterrupt:
         pipe.send((130, ""))
@@ -283,8 +297,8 @@ def _end_hung(running: list[_Job], longest: float) -> None:
             job.process.kill()
 
 
-def _finished(running: list[_Job], bar: tqdm) -> list[_Job]:
-    """Print the lines of all jobs; returns the jobs that have ended."""
+def _finished(running: list[_Job], tell: Callable[[_Job, str], None]) -> list[_Job]:
+    """Pass on the lines of all jobs; returns the jobs that have ended."""
     done = []
     for pipe in wait([job.pipe for job in running], _TICK):
         job = next(job for job in running if job.pipe is pipe)
@@ -292,7 +306,7 @@ def _finished(running: list[_Job], bar: tqdm) -> list[_Job]:
             while job.pipe.poll():
                 message = job.pipe.recv()
                 if isinstance(message, str):
-                    bar.write(message, file=sys.stdout)
+                    tell(job, message)
                 else:
                     job.ended = message
         except EOFError:

@@ -148,7 +148,7 @@ class Run:
         """StageError where the tip leaves the camera's picture, or its path is not known."""
         if self.analysed and self.scene.camera.centre is not None:
             return  # the stage sheet checks it, once the states are there
-        if why := unseen_tip(self.scene.camera, tip_path(self.scene)[0]):
+        if why := unseen_tip(self.scene.camera, tip_path(self.scene).places):
             raise StageError(f"{self.scene.folder / 'scene.toml'}: {why}")
 
 

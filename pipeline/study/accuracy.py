@@ -12,14 +12,18 @@ from typing import Any
 from fileio.errors import StageError
 from fileio.json_text import parse_json
 from fileio.record import read_record
+from pipeline.kinematics.view import tip_path
+from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.stages import BY_NAME, STAGES
+from pipeline.runs.stages import BY_NAME, STAGES, until
+from pipeline.scene.scene import Scene, load_scene
 from pipeline.study.machine_speed import probe
-from pipeline.study.rows import Row, parse_cell
+from pipeline.study.rows import Row, parse_cell, read_study
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
+_TURBULENCE = "fluid.turbulence"
 _NOT_A_SETTING = {"sheet.rate_hz"}  # the study reduces it to save time
 
 
@@ -32,17 +36,80 @@ class Setting:
     seconds: dict[str, float]
 
 
+def results_of(scene: Scene) -> tuple[Path, str]:
+    """The table of the settings that were measured for a scene, or for one that it extends.
+
+    And a warning where it is another's; StageError where there is none, or none that is near.
+    """
+    folders = scene.folder, *scene.parents
+    paths = [folder / "studies" / "results" / "tradeoff.csv" for folder in folders]
+    path = next((path for path in paths if path.exists()), None)
+    if path == paths[0]:
+        return path, ""
+    why = "no settings were measured for it"
+    if path is not None:
+        home = path.parents[2]
+        other, own = (
+            _of_motion(load_scene(folder, scene.level)) for folder in (home, scene.folder)
+        )
+        apart = [
+            f"{name} {value:.3g} against {other[name]:.3g}"
+            for name, value in own.items()
+            if not other[name] / _NEAR[name] <= value <= other[name] * _NEAR[name]
+        ]
+        if not apart:
+            return (
+                path,
+                f"warning: the errors were measured on {home.resolve().name}, a scene like it",
+            )
+        why = f"those of {home.resolve().name} are of another motion ({', '.join(apart)})"
+    name = scene.folder.resolve().name
+    raise StageError(
+        f"{scene.folder}: {why}; measure its own with make tradeoff SCENE={name},"
+        f" {_study_time(scene)}"
+    )
+
+
+# largest ratio of two scenes' numbers whose level errors are alike
+_NEAR = {"fingers": 1.0, "turns of the pressure": 1.0, "Reynolds number": 2.0, "length (m)": 1.5}
+
+
+def _of_motion(scene: Scene) -> dict[str, float]:
+    path = tip_path(scene)
+    return {
+        "fingers": 2.0 if scene.pinch else 1.0,
+        "turns of the pressure": 1.0 + path.turns,
+        "Reynolds number": path.speed * scene.finger.width / scene.fluid.kinematic_viscosity,
+        "length (m)": scene.finger.length,
+    }
+
+
+def study_table(scene: Scene) -> Path:
+    """The table of runs that measures what accuracy costs, of a scene or of one that it extends."""
+    for folder in (scene.folder, *scene.parents):
+        if (path := folder / "studies" / "tradeoff.csv").exists():
+            return path
+    raise StageError(
+        f"{scene.folder / 'studies' / 'tradeoff.csv'}: no such study; give a table, as"
+        " cases/single_finger/studies/tradeoff.csv"
+    )
+
+
+def _study_time(scene: Scene) -> str:
+    """The predicted time of the study."""
+    out, seconds = scene.folder / "out" / "studies" / "tradeoff", 0.0
+    for row in read_study(study_table(scene)):
+        run = Run(load_scene(scene.folder, row.level, row.overrides, out / row.run))
+        seconds += sum(estimate(run, stage.name)[0] for stage in until(row.until))
+    return f"about {duration(seconds)} of CPU time"
+
+
 def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
-    """Settings of a table of results, and its head; StageError where it is missing or unusable.
+    """Settings of a table of results, and its head; StageError where it is unusable.
 
     The head has the `probe` of the machine that measured, the name of the `best` run (the
     reference of the errors), and `best_error`, its own error, where it was estimated.
     """
-    if not path.exists():
-        raise StageError(
-            f"{path}: no measured settings for this scene; measure them with make tradeoff"
-            f" SCENE={path.parents[2].name}"
-        )
     lines = path.read_text(encoding="utf-8").splitlines()
     remedy = f"make it anew with make tradeoff SCENE={path.parents[2].name}"
     head: dict[str, Any] = next(
@@ -60,6 +127,8 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
             for k, v in record.items()
             if "." in k and v and k not in _NOT_A_SETTING
         }
+        if _TURBULENCE in overrides:
+            continue  # another model of the water, not another accuracy of it
         row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
         settings.append(Setting(row, float(record["error"]), seconds))
     if "probe" not in head or not settings:
@@ -137,7 +206,10 @@ def make_cheapest(folder: Path, accuracy: str, budget: str, machine: Machine, qu
     """Make the report of the setting that `choose` gives for an accuracy or a budget."""
     error = parse_accuracy(accuracy) if accuracy else None
     time = parse_budget(budget) if budget else None
-    settings, head = read_results(folder / "studies" / "results" / "tradeoff.csv")
+    path, warning = results_of(open_run(folder).scene)
+    if warning:
+        print(warning)
+    settings, head = read_results(path)
     here = probe()
     times = [predicted_time(setting, head["probe"], here) for setting in settings]
     index = choose(settings, times, error, time)
@@ -148,8 +220,8 @@ def make_cheapest(folder: Path, accuracy: str, budget: str, machine: Machine, qu
             f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
             f" {found:.1%}; about {times[index]:.0f} s of CPU on this machine"
         )
-        if warning := reference_warning(head, max(error or 0.0, found)):
-            print(warning)
+        if doubt := reference_warning(head, max(error or 0.0, found)):
+            print(doubt)
         if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
             print(f"not counted, because not measured: {', '.join(unknown)}")
     make(run, "report", replace(machine, ranks=row.ranks), quiet)

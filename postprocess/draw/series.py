@@ -172,10 +172,10 @@ def bending(
     pressure: np.ndarray,
     bend: np.ndarray,
     bend_std: np.ndarray | None,
-    paper: np.ndarray,
+    paper: np.ndarray | None,
     length: float,
 ) -> Figure:
-    """Bending radius (mm) over pressure (Pa): states with their band, equations (1)-(6) beside.
+    """Bending radius (mm) over pressure (Pa): states with their band, equations (1)-(6) if given.
 
     `bend`, `bend_std`, `paper`: (state,) rad; R = `length` / bend (the paper's Figs 7 and 8c).
     """
@@ -187,7 +187,8 @@ def bending(
         kpa = pressure[part] / 1e3
         ax.plot(kpa, length * MM / bend[part], color=CFD, label=name("states"))
         equations = {"color": GREY, "label": name("equations (1)–(6)")}
-        ax.plot(kpa, length * MM / paper[part], "--", **equations)
+        if paper is not None:
+            ax.plot(kpa, length * MM / paper[part], "--", **equations)
         if bend_std is not None:
             low, high = (length * MM / (bend[part] + k * bend_std[part]) for k in (-1, 1))
             band = {"color": CFD, "alpha": 0.2, "lw": 0, "label": name("input uncertainty")}

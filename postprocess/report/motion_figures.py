@@ -34,13 +34,16 @@ def water_figure(album: Album, path: Path) -> None:
     album.add(figure, "water.svg", "water", alt, caption)
 
 
-def bending_figure(album: Album, path: Path, length: float) -> None:
-    """Bending radius over pressure of the states, beside the paper's equations; `length` in m."""
+def bending_figure(album: Album, path: Path, length: float, equations: bool) -> None:
+    """Bending radius over pressure of the states; `length` in m.
+
+    `equations`: whether the paper's describe this actuator, and are drawn.
+    """
     kinematics = read_kinematics(path)
     if kinematics.values("state_pressure") is None:
         return  # a motion over time, as of a coupled run, follows from no states
-    names = ("state_pressure", "state_bend", "paper_bend")
-    pressure, bend, paper = (kinematics.data[name].values for name in names)
+    pressure, bend = (kinematics.data[name].values for name in ("state_pressure", "state_bend"))
+    paper = kinematics.values("paper_bend") if equations else None
     std = kinematics.values("state_bend_std")
     band = (
         "The band is the standard uncertainty from roof and channel heights, the split of the"
@@ -50,6 +53,7 @@ def bending_figure(album: Album, path: Path, length: float) -> None:
     )
     figure = draw_series.bending(pressure, bend, std, paper, length)
     states = "the states that drive the motion"
-    alt = f"Bending radius over pressure from {states}, with the paper's equations."
-    caption = f"R from {states}; the paper's equations (1)–(6) dashed. {band}"
+    alt = f"Bending radius over pressure from {states}."
+    dashed = "; the paper's equations (1)–(6) dashed" if equations else ""
+    caption = f"R from {states}{dashed}. {band}"
     album.add(figure, "bending.svg", "motion", alt, caption)

@@ -10,6 +10,7 @@ from typing import Any
 from fileio.atomic import write_text
 from fileio.formats.records import COMPARISON, FIGURES, RUN
 from fileio.record import read_record
+from pipeline.runs.estimate import duration
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import Scene
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
@@ -127,8 +128,19 @@ def _costs(out: Path, solver_time: float) -> list[dict[str, Any]]:
     return costs
 
 
+def outcome(scene: Scene) -> tuple[str, str]:
+    """What a run has computed, and what it shows, of a run whose report is made."""
+    out, files = scene.out, StageFiles(scene)
+    comparison, run = COMPARISON.read(out / "comparison.json"), RUN.read(out / "run" / "run.json")
+    _, trial = trust.level_error([scene.folder, *scene.parents], scene.level)
+    seconds = sum(cost["wall_time"] for cost in _costs(files.out, run["wall_time"]))
+    return (
+        f"{scene.name} at level {scene.level}: {run['cells']} cells ({run['model']}),"
+        f" {run['steps']} steps to {scene.motion.end_time:g} s, in {duration(seconds)}",
+        wording.answer(comparison, trial),
+    )
+
+
 def run(scene: Scene, quiet: bool = False) -> None:
     """Stage report."""
-    path = make_report(StageFiles(scene))
-    if not quiet:
-        print(path)
+    make_report(StageFiles(scene))

@@ -37,7 +37,10 @@ def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
         if len(rows):
             best = table.loc[table["cells"].idxmax()]
             sentence, trial = _sentence(rows.iloc[0], best, folder.resolve().name, level)
-            return (sentence if folder == scenes[0] else f"{unknown} {sentence}"), trial
+            if folder == scenes[0]:
+                return sentence, trial
+            of = f" on scene {folder.resolve().name}"
+            return f"{unknown} {sentence}", trial and f"{trial}{of}"
     return unknown, ""
 
 

@@ -16,7 +16,7 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.lock import exclusive
 from fileio.record import read_record, record_path, write_record
-from pipeline.runs.make import Machine, make, make_stage
+from pipeline.runs.make import LOG, Machine, make, make_stage
 from pipeline.runs.run import Run, open_run
 from tests.conftest import ROOT, write_scene
 
@@ -71,6 +71,21 @@ def test_an_equal_stage_of_another_run_is_taken_over(run: Run, capfd) -> None:
     assert "taken over" in capfd.readouterr().out
     assert other.path("mesh").samefile(run.path("mesh"))
     assert other.stale("mesh") == {}
+
+
+def test_the_terminal_shows_the_target_and_warnings_and_the_log_has_all(tmp_path, capfd) -> None:
+    """A history that begins with a jump of its slope is warned of, whatever the target."""
+    (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,3000\n0.2,6000\n")
+    motion = '[motion]\npressure_csv = "../p.csv"\nsmoothing = 0.0\nend_time = 0.2\n'
+    run = Run(write_scene(tmp_path / "scene", more=motion))
+    make(run, "mesh", ONE)
+    shown = capfd.readouterr().out
+    assert "mesh: planform of" in shown
+    assert "kinematics: warning: " in shown
+    assert "of bend in" not in shown
+    log = (run.out / LOG).read_text(encoding="utf-8")
+    assert "of bend in" in log
+    assert "mesh: planform of" in log
 
 
 def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> None:

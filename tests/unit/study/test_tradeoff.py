@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from fileio.errors import StageError
 from fileio.formats.records import RUN
+from pipeline.scene.scene import load_scene
 from pipeline.study.accuracy import (
     Setting,
     choose,
@@ -16,6 +19,8 @@ from pipeline.study.accuracy import (
     predicted_time,
     read_results,
     reference_warning,
+    results_of,
+    study_table,
 )
 from pipeline.study.plan import Row
 from postprocess.draw.style import save
@@ -28,7 +33,9 @@ from postprocess.studies.errors import (
     worst,
 )
 from postprocess.studies.tradeoff import finest, front, write_results
+from tests.conftest import ROOT
 
+SINGLE = ROOT / "cases" / "single_finger"
 SETTINGS = [
     Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
     Setting(Row("coarse", "coarse"), 0.04, {"run": 300.0, "mesh": 10.0}),
@@ -67,6 +74,44 @@ def test_the_error_of_the_dorsal_circulation_leaves_out_its_prescribed_part():
     reference = pd.DataFrame(columns)
     other = pd.DataFrame({"time": [0.1, 0.15, 0.2], "circulation": [-6.2e-3, -7.75e-3, -9.3e-3]})
     assert dorsal_error(reference, other) == pytest.approx(0.1)
+
+
+def own_scene(folder, text):
+    folder.mkdir()
+    (folder / "scene.toml").write_text(f'extends = "{SINGLE}"\n{text}')
+    return load_scene(folder)
+
+
+def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
+    """Else the study of its own is offered, with its predicted time."""
+    path, warning = results_of(load_scene(SINGLE))
+    assert (path, warning) == (SINGLE / "studies" / "results" / "tradeoff.csv", "")
+    like = own_scene(tmp_path / "like", "[finger]\ntilt_deg = 5.0\n")
+    assert results_of(like) == (
+        path,
+        "warning: the errors were measured on single_finger, a scene like it",
+    )
+    motion = '[motion]\nsource = "paper_equations"\nend_time = 0.42\n'
+    for name, text, words in (
+        ("short", f"{motion}[finger]\nlength = 0.035\n", r"length \(m\) 0\.035 against 0\.07"),
+        (
+            "back",
+            "[motion]\nstrokes = [{ pressure_kpa = 20.0, start = 0.005, duration = 0.2 },"
+            " { pressure_kpa = 0.0, start = 0.2, duration = 0.2 }]\n",
+            "turns of the pressure 2 against 1",
+        ),
+    ):
+        with pytest.raises(StageError, match=words) as error:
+            results_of(own_scene(tmp_path / name, text))
+        told = rf"make tradeoff SCENE={name}, about [\d.]+ h of CPU time"
+        assert re.search(told, str(error.value))
+    assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
+
+
+def test_a_turbulence_model_is_no_setting_of_accuracy():
+    settings, _ = read_results(SINGLE / "studies" / "results" / "tradeoff.csv")
+    assert len(settings) > 5
+    assert not any("fluid.turbulence" in setting.row.overrides for setting in settings)
 
 
 def test_the_cheapest_accurate_setting_and_the_best_in_time():

@@ -1,0 +1,86 @@
+"""softfinger new: a scene of an own finger in which everything fits, or a sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fileio.errors import StageError
+from pipeline.fea.sections import sections
+from pipeline.new_scene import Own, advice, lengths, write_scene
+from pipeline.scene.scene import load_scene
+from tests.conftest import ROOT
+
+PARENT = ROOT / "cases" / "single_finger"
+RAMP = "t,p\n3.0,0\n3.5,15000\n"
+
+
+def make(folder, length=0.05, width=0.02, tank=(0.4, 0.25, 0.25), rows=RAMP):
+    (folder / "p.csv").write_text(rows)
+    return write_scene(folder / "mine", Own(length, width, folder / "p.csv", tank), PARENT)
+
+
+@pytest.mark.parametrize(
+    "length, width, tank",
+    [
+        (0.05, 0.02, (0.4, 0.25, 0.25)),
+        (0.15, 0.012, (0.3, 0.25, 0.1)),
+        (0.04, 0.05, (1.0, 0.5, 0.6)),
+    ],
+)
+def test_chambers_pressures_tank_and_time_fit(tmp_path, length, width, tank):
+    scene = make(tmp_path, length, width, tank)
+    actuator, fea = sections(scene)
+    assert actuator.length == pytest.approx(length, abs=1e-5)  # a micron in each chamber
+    assert (actuator.width, scene.finger.width) == (width, width)
+    assert fea.pressures[0] < 0 < 15e3 <= fea.pressures[-1]
+    assert len(fea.pressures) >= 8
+    x, y = scene.finger.root
+    assert abs(x) + 0.0145 < tank[0] / 2
+    assert length < y < scene.tank.water_depth < tank[1]
+    # the history starts at 0, and the smoothed one has arrived
+    history = np.loadtxt(scene.folder / "pressure.csv", delimiter=",", skiprows=1)
+    assert history.tolist() == [[0, 0], [0.5, 15000]]
+    assert scene.motion.end_time == pytest.approx(0.54)
+    for level in ("smoke", "draft", "coarse", "medium"):
+        load_scene(scene.folder, level)
+    assert "about" in advice(scene)
+
+
+def test_a_fast_finger_has_shorter_time_steps(tmp_path):
+    scene = make(tmp_path, rows="t,p\n0,0\n0.05,30000\n")
+    parent = load_scene(PARENT).numerics.time_step
+    assert scene.numerics.time_step < 0.6 * parent
+    assert load_scene(scene.folder, "smoke").numerics.time_step < 0.6 * parent
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"length": 0.22}, r"hangs? .* give a higher one, at least 278 mm"),
+        ({"width": 0.3}, r"finger\.width = 0\.3 m does not fit"),
+        ({"rows": "t,p\n0,0\n0.5,15\n"}, "looks like kPa"),
+        ({"rows": "0,0\n"}, "at least 2 rows"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence_and_leaves_nothing(tmp_path, change, words):
+    with pytest.raises(StageError, match=words) as error:
+        make(tmp_path, **change)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "mine").exists()
+
+
+def test_an_existing_scene_is_kept(tmp_path):
+    text = make(tmp_path).folder.joinpath("scene.toml").read_text()
+    with pytest.raises(StageError, match="exists already"):
+        make(tmp_path, length=0.07)
+    assert (tmp_path / "mine" / "scene.toml").read_text() == text
+
+
+def test_lengths_have_a_unit():
+    assert lengths("50mm", "--length", 1) == (0.05,)
+    assert lengths(" 0.4x0.25×0.3m", "--tank", 3, "mm") == (0.4, 0.25, 0.3)
+    assert lengths("400x250x250", "--tank", 3, "mm") == (0.4, 0.25, 0.25)
+    for text in ("50", "0mm", "-5mm", "1.2.3mm", "fifty", ""):
+        with pytest.raises(StageError, match=r"--length .*: give 50mm"):
+            lengths(text, "--length", 1)
