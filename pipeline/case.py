@@ -91,6 +91,19 @@ def numbers_text(entries: dict[str, str]) -> str:
     return head + "".join(f"{key:<23} {value};\n" for key, value in entries.items())
 
 
+def obstacles_text(names: list[str]) -> str:
+    """The file system/obstacles: the forces on each of these walls."""
+    return "".join(
+        ["// The forces on [[obstacle]] of scene.toml; written by the case stage.\n"]
+        + [
+            f'{name}Forces\n{{\n    type forces; libs ("libforces.so"); patches ({name});\n'
+            "    rho rhoInf; rhoInf $density; CofR $momentPoint;\n"
+            "    writeControl timeStep; writeInterval 1; log no;\n}\n"
+            for name in names
+        ]
+    )
+
+
 def regions_text(kind: str) -> str:
     """The file system/regions: the wall that each zone of columns follows."""
     zones = {"behindSheet": "backZone"} | ({"beforeSheet": "frontZone"} if kind == "full" else {})
@@ -198,6 +211,8 @@ def write_case(
         (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
+    walls = [name for name, _, _ in mesh.patches if name.startswith("obstacle")]
+    write_text(folder / "system" / "obstacles", obstacles_text(walls))
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")

@@ -9,6 +9,7 @@ import shapely
 
 from fileio.errors import StageError
 from pipeline.kinematics.contact import gap
+from pipeline.scene.obstacle import Obstacle
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.sections import Tank
 
@@ -25,17 +26,22 @@ def check_shapes(
     pinch: Pinch | None,
     support: Support | None,
     where: Path,
+    obstacles: tuple[Obstacle, ...] = (),
 ) -> None:
     """StageError where an outline (knot, point, 2) crosses itself, a body, or the tank's walls."""
     for outline, bend in zip(outlines, np.degrees(bends), strict=True):
-        fault = _fault(outline, tank, pinch, support)
+        fault = _fault(outline, tank, pinch, support, obstacles)
         if fault is not None:
             what, more = fault
             raise StageError(f"{where}: the finger {what} at {bend:.1f}° of bend{more}")
 
 
 def _fault(
-    outline: np.ndarray, tank: Tank, pinch: Pinch | None, support: Support | None
+    outline: np.ndarray,
+    tank: Tank,
+    pinch: Pinch | None,
+    support: Support | None,
+    obstacles: tuple[Obstacle, ...],
 ) -> tuple[str, str] | None:
     """The fault of a shape, and its measure and remedy."""
     polygon, (left, low), (right, high) = shapely.Polygon(outline), outline.min(0), outline.max(0)
@@ -54,6 +60,9 @@ def _fault(
             f" comes nearer than pinch.residual_gap = {pinch.residual_gap:g} m",
             f" (gap {near * 1e3:.3f} mm); raise pinch.half_distance or begin more open",
         )
+    for number, obstacle in enumerate(obstacles):
+        if polygon.intersects(obstacle.polygon):
+            return f"meets obstacle[{number}] ({obstacle.shape})", "; move it, or bend less"
     if support is not None:
         half, bottom = 0.5 * support.size[0], support.bottom
         # a root at the height of the block's lower face does not enter it

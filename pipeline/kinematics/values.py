@@ -113,7 +113,8 @@ def kinematics_values(
             check_motion(moved, scene.finger.length, where)
             step = motion.max_bend_step_deg
             check_number(len(bends), "motion.max_bend_step_deg", step, where)
-        check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where)
+        fixed = scene.obstacle or ()
+        check_shapes(outlines, bends, scene.tank, scene.pinch, scene.support, where, fixed)
     finger_length = scene.finger.length + scene.finger.tip.length
     length = scene.body.size if scene.body is not None else finger_length
     root = np.array(scene.finger.root)

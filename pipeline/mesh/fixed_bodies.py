@@ -1,4 +1,4 @@
-"""Fixed bodies of a scene: the block above the roots and the object between the tips."""
+"""Fixed bodies of a scene: block above the roots, object between the tips, obstacles."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy import ndarray
 
+from pipeline.scene.obstacle import Obstacle, patch_name
 from pipeline.scene.pinch import Pinch, Support
 
 _CIRCLE_POINTS = 720  # of a full circle, before nodes are spread over it
@@ -39,11 +40,12 @@ def fixed_bodies(
     cylinder_length: float,
     wall_cell: float,
     levels: ndarray,
+    obstacles: tuple[Obstacle, ...] = (),
 ) -> tuple[FixedBody, ...]:
     """The bodies of a scene, outer ones before those within; of a pinch their halves on x <= 0.
 
-    `cylinder_length` (m) along z is that of an object that is no sphere; the steps of a sphere are
-    at `levels` (level,) m.
+    An obstacle reaches as far as its depth, or to the last of the `levels` (level,) m, which are
+    also the steps of a sphere. `cylinder_length` (m) along z is that of an object that is none.
     """
     bodies: list[FixedBody] = []
     mirror = pinch is not None
@@ -52,6 +54,9 @@ def fixed_bodies(
         low = support.bottom
         block = _block(0.5 * width, low, low + height, mirror)
         bodies.append(FixedBody("support", block, 0.5 * depth))
+    for number, obstacle in enumerate(obstacles):
+        reach = obstacle.half_depth(2 * float(np.abs(levels).max()))
+        bodies.append(FixedBody(patch_name(number), obstacle.pieces, reach))
     thing = pinch.object if pinch is not None else None
     if thing is not None:
         radius, middle = 0.5 * thing.diameter, thing.centre_height

@@ -81,6 +81,8 @@ def _setting_of(
     motion = kinematics.law(time_step * np.arange(round(kinematics.time[1] / time_step) + 1))
     outlines = shapely.linearrings(shapes.outline)
     gap, jet = np.full(len(shapes.bend), np.inf), np.empty((0, 2))
+    if obstacles := [body.polygon for body in bodies if body.name.startswith("obstacle")]:
+        gap = shapely.distance(outlines, shapely.union_all(obstacles))
     if kinematics.mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, tank.water_depth)])
         objects = [body.polygon for body in bodies if body.name == "object"]
@@ -102,10 +104,15 @@ def _setting_of(
 def _check_clearance(
     outlines: ndarray, bodies: tuple[FixedBody, ...], least: float, where: Path
 ) -> None:
-    """StageError where a shape (knot, point, 2) is nearer to the support than `least` (m)."""
+    """StageError where a shape (knot, point, 2) is nearer to a fixed body than `least` (m)."""
     rings = shapely.linearrings(outlines)
     for body in bodies:
         clear = float(shapely.distance(rings, body.polygon).min())
+        if body.name.startswith("obstacle") and clear < least:
+            raise StageError(
+                f"{where}: {body.name} is {clear * 1e3:.2g} mm from the finger at its nearest, too"
+                f" little to mesh; move it by {(least - clear) * 1e3:.2g} mm"
+            )
         if body.name == "support" and clear < least:
             raise StageError(
                 f"{where}: support.bottom = {body.polygon.bounds[1]:g} m leaves"
@@ -249,8 +256,12 @@ def _quality_rows(
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write planform.h5 and mesh_quality.csv."""
     mesh, numerics, width = scene.mesh, scene.numerics, scene.finger.width
-    levels = graded_layers(scene.model.kind, width, scene.tank.size[2], mesh, scene.support)
-    bodies = fixed_bodies(scene.support, scene.pinch, width, mesh.wall_cell, levels)
+    obstacles, depth = scene.obstacle or (), scene.tank.size[2]
+    reaches = tuple(thing.half_depth(depth) for thing in obstacles)
+    if scene.support is not None:
+        reaches += (0.5 * scene.support.size[2],)
+    levels = graded_layers(scene.model.kind, width, depth, mesh, reaches)
+    bodies = fixed_bodies(scene.support, scene.pinch, width, mesh.wall_cell, levels, obstacles)
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     where = scene.folder / "scene.toml"
     outlines = kinematics.data["shape_outline"].values

@@ -8,16 +8,15 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
-from pipeline.scene.pinch import Support
 from pipeline.scene.sections import Mesh
 
 
 def graded_layers(
-    kind: str, finger_width: float, tank_width: float, mesh: Mesh, support: Support | None
+    kind: str, finger_width: float, tank_width: float, mesh: Mesh, reaches: tuple[float, ...] = ()
 ) -> ndarray:
     """z of the levels (m), from the back wall to the sheet, or to the front wall in a full model.
 
-    The sides of finger and support are levels.
+    The sides of the finger, and the `reaches` in |z| of fixed bodies, are levels.
     """
     if kind == "2d":
         return np.array([-finger_width, 0.0])
@@ -30,9 +29,7 @@ def graded_layers(
         wanted = first + slope * np.abs(z - edge)
         return np.where(z < edge, np.minimum(wanted, mesh.sheet_layer), wanted)
 
-    ends = {0.0, edge, 0.5 * tank_width}
-    if support is not None:
-        ends.add(0.5 * support.size[2])
+    ends = {0.0, edge, 0.5 * tank_width, *reaches}
     parts = [divided(a, b, thickness) for a, b in pairwise(sorted(ends))]
     back = -np.concatenate([[0.0], *parts])[::-1]
     return back if kind in ("half", "quarter") else np.concatenate([back, -back[-2::-1]])

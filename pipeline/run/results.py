@@ -20,9 +20,9 @@ from pipeline.run.power import power_balance, power_rows, term_rows
 from pipeline.scene.sections import Fluid
 
 
-def _forces(case: Path, per_finger: int) -> np.ndarray:
-    """Columns FORCES: force of the water on one whole finger (the left of two), N."""
-    raw = read_function_object(case / "postProcessing" / "forces", "force.dat")
+def _forces(case: Path, per_finger: int, name: str = "forces") -> np.ndarray:
+    """Columns FORCES: force of the water on one whole finger (the left of two), or obstacle, N."""
+    raw = read_function_object(case / "postProcessing" / name, "force.dat")
     table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
     table[:, 1:] *= per_finger
     if per_finger > 1:
@@ -99,6 +99,10 @@ def collect_results(
     force = [_forces(case, per_finger) for case in cases]
     HISTORY.write(folder / "run" / "history.csv", log)
     FORCES.write(folder / "run" / "forces.csv", _joined(meshes, force))
+    for wall in meshes[0].planform["body_name"].values:
+        if str(wall).startswith("obstacle"):
+            tables = [_forces(case, per_finger, f"{wall}Forces") for case in cases]
+            FORCES.write(folder / "run" / f"forces_{wall}.csv", _joined(meshes, tables))
     quality = _mesh_quality(folder / "mesh_quality.csv")
     parts = [power_rows(case, fluid, copies) for case in cases]
     terms = np.vstack(

@@ -45,7 +45,7 @@ _SHEET_GRID = {
     "scale_mm_per_px",
     "centre",
 }  # camera keys that set the grid of the sheet
-_MOTION = ("tank", "finger", "body", "pinch", "support", "motion")
+_MOTION = ("tank", "finger", "body", "pinch", "support", "obstacle", "motion")
 FEA = Stage(
     "fea", "pipeline.fea.stage", "bending states of the actuator",
     outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(300, 600),

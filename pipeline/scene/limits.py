@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.scene.obstacle import check_obstacles
 from pipeline.scene.pinch import check_pinch, check_support
 from pipeline.scene.predicted import (
     checkpoints,
@@ -50,6 +51,7 @@ def check_scene(scene: Any) -> None:
         _check_finger(scene)
         _check_fluid(scene.fluid)
         _check_mesh(scene)
+    check_obstacles(scene)
     _check_times(scene)
     _check_motion(scene)
     _check_pictures(scene)

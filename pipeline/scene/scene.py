@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from fileio.errors import StageError
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
+from pipeline.scene.obstacle import Obstacle
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import merge, read_layers, resolve
@@ -51,6 +52,7 @@ class Scene(Section):
     body: RigidBody | None = None  # in the finger's place
     pinch: Pinch | None = None
     support: Support | None = None
+    obstacle: tuple[Obstacle, ...] | None = None
     motion: Motion
     structure: Structure = Structure()
     model: Model = Model()

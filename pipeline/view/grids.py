@@ -47,7 +47,7 @@ def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
     bodies = [
         k
         for name, k in faces.patches.items()
-        if name.endswith("finger") or name in ("object", "support")
+        if name.endswith("finger") or name.startswith(("object", "support", "obstacle"))
     ]
     members = np.concatenate([np.arange(part.start, part.stop) for part in bodies])
     wall = faces.corners[members]

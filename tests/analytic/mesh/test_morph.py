@@ -117,9 +117,7 @@ def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does
 @pytest.mark.parametrize("kind, count", [("2d", 2), ("half", 6), ("full", 11)])
 def test_layers_fill_the_tank_and_split_at_the_fingers_side(tmp_path, kind, count):
     scene = write_scene(tmp_path / "s", kind)
-    z = graded_layers(
-        scene.model.kind, scene.finger.width, scene.tank.size[2], scene.mesh, scene.support
-    )
+    z = graded_layers(scene.model.kind, scene.finger.width, scene.tank.size[2], scene.mesh)
     assert len(z) == count
     assert (np.diff(z) > 0).all()
     if kind != "2d":

@@ -32,6 +32,7 @@ EXPECTED = {
     "body": ALL,
     "pinch": ALL,
     "support": ALL,
+    "obstacle": ALL,
     "motion": ALL,
     "mesh": OF_MESH,
     "model": OF_MESH,

@@ -1,0 +1,108 @@
+"""[[obstacle]]: what is refused, and what the mesh makes of the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from fileio.errors import StageError
+from fileio.formats.mesh_intervals import read_intervals, read_planform
+from pipeline.case import build_mesh, obstacles_text
+from pipeline.kinematics.stage import kinematics_values
+from pipeline.scene.obstacle import Obstacle
+from tests.conftest import prepare, write_scene
+
+CIRCLE = '[[obstacle]]\nshape = "circle"\ncentre = [{x}, {y}]\ndiameter = 0.02\n{more}'
+BOX = '[[obstacle]]\nshape = "box"\ncentre = [-0.06, 0.17]\nsize = [0.02, 0.04]\n'
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (
+            CIRCLE.format(x=0.0, y=0.18, more=""),
+            r"finger meets obstacle\[0\] \(circle\) at .*; move it",
+        ),
+        (
+            CIRCLE.format(x=0.04, y=0.2, more=""),
+            r"finger meets obstacle\[0\] \(circle\) at .*; move it",
+        ),
+        (
+            CIRCLE.format(x=0.295, y=0.16, more=""),
+            r"reaches x from 0\.285 .*; keep it within",
+        ),
+        (
+            CIRCLE.format(x=0.08, y=0.16, more="depth = 0.0281\n"),
+            r"depth = 0\.0281 m .*; give 0\.028",
+        ),
+        (CIRCLE.format(x=0.08, y=0.16, more="depth = 0.5\n"), r"depth = 0\.5 m .* give 0\.3"),
+        (
+            CIRCLE.format(x=0.08, y=0.16, more="size = [1, 1]\n"),
+            "size is not of shape = 'circle'; remove",
+        ),
+        (CIRCLE.format(x=0.08, y=0.16, more="") * 2, r"obstacle\[0\] and obstacle\[1\] are nearer"),
+        (CIRCLE.format(x=0.08, y=0.16, more="") * 9, "9 tables; give at most 8"),
+        (BOX.replace("0.04", "0.001"), "thinner than 2 mesh.wall_cell"),
+        (BOX.replace("size = ", "points = "), "obstacle"),
+        (
+            '[[obstacle]]\nshape = "polygon"\n'
+            "points = [[0.1,0.1],[0.12,0.12],[0.12,0.1],[0.1,0.12]]\n",
+            "sides cross each other; give the corners in order",
+        ),
+    ],
+)
+def test_an_impossible_obstacle_is_refused_in_one_sentence(tmp_path, text, words):
+    with pytest.raises(StageError, match=words) as error:
+        kinematics_values(write_scene(tmp_path / "s", more=text))
+    assert "\n" not in str(error.value)
+
+
+def test_outlines_run_counter_clockwise_around_the_stated_shape():
+    circle = Obstacle(shape="circle", centre=(0.1, 0.2), diameter=0.04)
+    assert circle.polygon.area == pytest.approx(np.pi * 0.02**2, rel=2e-5)  # 720 corners
+    box = Obstacle(shape="box", centre=(0.1, 0.2), size=(0.04, 0.02))
+    assert box.polygon.bounds == pytest.approx((0.08, 0.19, 0.12, 0.21))
+    clockwise = Obstacle(shape="polygon", points=((0, 0), (0, 1), (1, 0)))
+    for thing in (circle, box, clockwise):
+        line = np.vstack(thing.pieces)
+        assert (line[0] == line[-1]).all()
+        assert shapely.LinearRing(line).is_ccw
+
+
+def test_the_mesh_leaves_them_out_and_keeps_its_quality(tmp_path):
+    """A short cylinder beside the moving tip, and a box from wall to wall, in half of the tank."""
+    near = CIRCLE.format(x=0.07, y=0.16, more="depth = 0.06\n")
+    scene = prepare(write_scene(tmp_path / "s", kind="half", more=near + BOX))
+    names = ("obstacle_1", "obstacle_2")
+    for interval in read_intervals(scene.out):
+        planform = read_planform(scene.out, interval.mesh)
+        assert set(names) <= set(planform["body_name"].values)
+        swept = build_mesh(planform)
+        patches = {name: count for name, _, count in swept.patches}
+        assert all(patches[name] > 0 for name in names)
+        points = planform["points"].values
+        for name, thing in zip(names, scene.obstacle, strict=True):
+            number = list(planform["body_name"].values).index(name)
+            inside = planform["triangles"].values[planform["body"].values == number]
+            corners = points[0][inside]
+            a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+            area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+            # a circle of 20 mm in cells of 3.5 mm: 18 sides have 2 % less than it
+            assert area == pytest.approx(thing.polygon.area, rel=0.03)
+            nodes = points[:, np.unique(inside)]
+            sides = shapely.distance(thing.polygon.exterior, shapely.points(nodes[0])) < 1e-9
+            assert sides.sum() >= 8
+            assert (nodes[:, sides] == nodes[:1, sides]).all()  # fixed
+        text = (scene.out / "case" / interval.name / "system" / "obstacles").read_text()
+        assert text == obstacles_text(list(names))
+    quality = np.genfromtxt(scene.out / "mesh_quality.csv", delimiter=",", names=True, comments="#")
+    assert quality["max_non_orthogonality_deg"].max() <= scene.mesh.max_non_orthogonality_deg
+
+
+def test_an_obstacle_that_leaves_no_room_to_mesh_is_refused(tmp_path):
+    """0.3 mm from the finger's dorsal side, which bends away from it."""
+    dorsal = kinematics_values(write_scene(tmp_path / "a"))["shape_outline"][..., 0].min()
+    near = f'[[obstacle]]\nshape = "box"\ncentre = [{dorsal - 0.0103}, 0.2]\nsize = [0.02, 0.01]\n'
+    with pytest.raises(StageError, match=r"obstacle_1 is 0\.3 mm from the finger .* move it by"):
+        prepare(write_scene(tmp_path / "b", more=near))
