@@ -23,6 +23,7 @@ from pipeline.scene.scene import Scene
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even
+_OUTLINE = 1e-5  # m, by which a fixed body in the picture may differ from its shape
 _INSET = 1e-7  # m, of points of the mirror plane into the mesh
 
 
@@ -142,6 +143,11 @@ def run(
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"
     about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}
+    if scene.obstacle:
+        shapes = (shapely.simplify(thing.polygon, _OUTLINE) for thing in scene.obstacle)
+        about["fixed_bodies"] = json.dumps(
+            [np.round(shapely.get_coordinates(shape.exterior)[:-1], 7).tolist() for shape in shapes]
+        )
     pictures = _frames(planes, mirrored, flat, density, kinematics, x, y)
     with writing_planes(path, x, y, count, about) as file:
         for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):

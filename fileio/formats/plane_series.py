@@ -41,6 +41,7 @@ ORIGIN = variables("""
 source?  -  -  `cfd`, `piv`, `truth` or `lab`
 tip_width?  -  m  of the finger
 seed?  -  -  of random numbers
+fixed_bodies?  -  -  JSON: closed polygons [[x, y], …] of bodies that do not move, m
 versions?  -  -  JSON: of the libraries
 settings?  -  -  JSON: with which it was made
 """)

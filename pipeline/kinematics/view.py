@@ -54,9 +54,15 @@ def following(scene: Scene) -> dict[str, Any]:
     scale = camera.scale_mm_per_px
     if "scale_mm_per_px" not in camera.model_fields_set:
         scale = _rounded_up(1e3 * float(np.max((high - low) / [camera.columns, camera.rows])))
+    size = 1e-3 * scale * np.array([camera.columns, camera.rows])
+    middle = 0.5 * (low + high)
+    first, last = path.places.min(0), path.places.max(0)
+    room = np.maximum(0.0, np.minimum(_ROOM * length, 0.5 * (size - last + first)))
+    # a small picture leaves out the root
+    middle = np.clip(middle, last + room - 0.5 * size, first - room + 0.5 * size)
     values: dict[str, dict[str, Any]] = {
         "camera": {
-            "centre": [round(float(x), 4) for x in 0.5 * (low + high)],
+            "centre": [round(float(x), 4) for x in middle],
             "scale_mm_per_px": scale,
         },
         "sheet": {"spacing": round(_SPACING_PX * scale * 1e-3, 7)},

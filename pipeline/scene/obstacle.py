@@ -56,9 +56,7 @@ class Obstacle(Section):
             return (self._middle + 0.5 * (self.diameter or 0.0) * circle,)
         ring = shapely.orient_polygons(self.polygon).exterior
         corners = shapely.get_coordinates(ring)
-        return tuple(
-            np.linspace(a, b, _EDGE_POINTS) for a, b in pairwise(corners)
-        )
+        return tuple(np.linspace(a, b, _EDGE_POINTS) for a, b in pairwise(corners))
 
     @property
     def polygon(self) -> shapely.Polygon:

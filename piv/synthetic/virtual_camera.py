@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -63,6 +64,8 @@ class Recorder:
         # read once: opening a variable costs more than drawing an outline
         series = series.assign({n: series[n].load() for n in FINGER_VARIABLES if n in series})
         self.field = PlaneField(series)
+        fixed = json.loads(series.attrs.get("fixed_bodies", "[]"))
+        self._fixed = [np.array(polygon, float) for polygon in fixed]
         self.series, self.camera, self.seeding, self.seed = series, camera, seeding, seed
         self.origin_px = camera.origin_px or _centred(self.field, camera)
         first, last = self.field.time[[0, -1]]
@@ -110,7 +113,7 @@ class Recorder:
         mask = np.zeros((self.camera.height_px + 2 * rim, self.camera.width_px + 2 * rim), np.uint8)
         if "outline" in self.series:
             polygons = []
-            for points in finger_at(self.series, "outline", t):
+            for points in (*finger_at(self.series, "outline", t), *self._fixed):
                 ok = np.isfinite(points).all(axis=1)
                 column, row = self.to_px(points[ok, 0], points[ok, 1])
                 polygons.append((column + rim, row + rim))

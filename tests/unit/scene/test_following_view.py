@@ -76,6 +76,13 @@ def test_a_child_with_another_finger_does_not_see_its_parents_view(tmp_path):
     )
 
 
+def test_a_small_picture_of_stated_scale_leaves_out_the_root(tmp_path):
+    camera = "[camera]\ncolumns = 320\nrows = 256\nscale_mm_per_px = 0.25\n"
+    run = open_run(write(tmp_path, f"[tank]\nwater_depth = 0.31\n{camera}"), "smoke")
+    run.check("report")
+    assert run.scene.camera.centre[1] + 0.032 < run.scene.finger.root[1]
+
+
 def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_path):
     run = open_run(write(tmp_path, "[finger]\nroot = [0, 0.2]\n[camera]\ncentre = [0.1, 0.19]\n"))
     with pytest.raises(StageError, match=r"camera\.centre = \[0\.1, 0\.19\] m: the tip leaves"):
