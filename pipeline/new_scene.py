@@ -120,7 +120,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
 
 def _placed(own: Own) -> dict[str, Any]:
     """Water depth and root for a finger in a tank; StageError where it does not fit."""
-    depth = math.floor(1e3 * _FILLED * own.tank[1]) / 1e3
+    depth = math.floor(round(1e3 * _FILLED * own.tank[1], 6)) / 1e3
     above = min(max(depth - own.length - _BELOW_TIP, _LEAST_ABOVE_ROOT), _ABOVE_ROOT)
     below = depth - above - own.length
     if below < _LEAST_BELOW_TIP:
