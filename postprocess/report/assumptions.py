@@ -71,6 +71,7 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         ("Turbulence", f"{flow} Reynolds number by {name} width {reynolds:,.0f}."),
         ("Model", model),
         ("Support", support),
+        *([("Obstacles", _obstacles(scene["obstacle"]))] if scene.get("obstacle") else []),
         *([("Contact", _contact(scene["pinch"]))] if scene.get("pinch") else []),
         ("PIV", piv),
     ]
@@ -137,6 +138,15 @@ def _froude(scene: dict[str, Any], speed: float, tip_height: float) -> float:
     """By the least depth of the finger below the surface."""
     depth = scene["tank"]["water_depth"] - max(tip_height, scene["finger"]["root"][1])
     return float(speed / (_GRAVITY * depth) ** 0.5)
+
+
+def _obstacles(obstacles: list[dict[str, Any]]) -> str:
+    """Which fixed bodies stand beside the finger, and what they are to the water."""
+    shapes = ", ".join(f"{k} a {thing['shape']}" for k, thing in enumerate(obstacles, 1))
+    return (
+        f"Fixed bodies stand in the water ({shapes}). They are rigid and water sticks to them; the"
+        " mesh has no layers of thin cells there, so friction on them is coarse."
+    )
 
 
 def _contact(pinch: dict[str, Any]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
@@ -35,7 +37,10 @@ def timeline(
     panels = _motion(files, flow)
     if flow.dominant:
         panels.append(("circulation,\ncm²/s", draw_series.circulations(flow.dominant)))
-    panels.append(("force of the\nwater, mN", _forces(files)))
+    panels.append(("force of the\nwater, mN", _forces(files.out / "run" / "forces.csv")))
+    for path in sorted((files.out / "run").glob("forces_obstacle_*.csv")):
+        number = path.stem.rpartition("_")[2]
+        panels.append((f"force on\nobstacle {number}, mN", _forces(path)))
     if "velocity_rms_difference" in series:
         strays = series["velocity_rms_difference"].to_numpy() / flow.scale * 100
         panels.append(("PIV less CFD,\n% of tip speed", [Curve(series["time"], strays, "", PIV)]))
@@ -66,8 +71,8 @@ def _motion(files: StageFiles, flow: Flow) -> Panels:
     return [(shown[1], [Curve(clock, shown[0])])]
 
 
-def _forces(files: StageFiles) -> list[Curve]:
-    table = FORCES.read(files.out / "run/forces.csv")
+def _forces(path: Path) -> list[Curve]:
+    table = FORCES.read(path)
     time = table["time"].to_numpy()
     return [
         Curve(time, table[f"f{axis}"].to_numpy() * 1e3, f"along {axis}", colour)
