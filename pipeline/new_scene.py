@@ -76,7 +76,8 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
     cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
     end = math.ceil(round((times[-1] - times[0] + SMOOTHING) / _WHOLE, 6)) * _WHOLE
-    step = next(s for s in _PRESSURE_STEPS if np.ptp(pressure) / 1e3 <= s * _FEWEST_STATES)
+    span = np.ptp(pressure) / 1e3
+    step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
     low, high = math.floor(pressure.min() / 1e3 / step), math.ceil(pressure.max() / 1e3 / step)
     values = {
         "parent": os.path.relpath(parent, folder),

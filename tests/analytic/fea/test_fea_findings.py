@@ -5,7 +5,8 @@ import pytest
 
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.paper_equations import bend as paper_bend
-from tests.finger_cell import shipped_states
+from pipeline.fea.paper_equations import describes
+from tests.finger_cell import ACTUATOR, shipped_states
 
 STATES = shipped_states()
 
@@ -31,3 +32,12 @@ def test_shipped_states_are_whole():
     assert np.isfinite(STATES.radius_std[STATES.pressure != 0]).all()
     sources = STATES.about["uncertainty"]["curvature_std"]
     assert sources.keys() >= {"pressure ± 0.2 kPa", "mesh 1.5 × finer"}
+
+
+def test_the_papers_equations_are_of_its_actuator_alone():
+    """The page draws them for no other."""
+    paper = ACTUATOR.model_dump()
+    assert describes(paper)
+    assert describes(paper | {"roof": 0.003})  # they do not know the roof
+    assert not any(describes(paper | change) for change in ({"width": 0.02}, {"chambers": 6}))
+    assert not describes({})
