@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import shapely
 import xarray as xr
 
 from fileio.formats.plane_series import MASKED, VALID, usable
@@ -78,6 +79,14 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
     return VortexSettings(**(vars(base) | options))
 
 
+def _in_body(plane: xr.Dataset) -> np.ndarray:
+    """Which grid points (y, x) lie within an outline of the plane."""
+    points = np.meshgrid(plane["x"].values, plane["y"].values)
+    outlines = plane["outline"].values.reshape(-1, *plane["outline"].shape[-2:])
+    inside = [shapely.contains_xy(shapely.Polygon(o), *points) for o in outlines]
+    return np.asarray(np.logical_or.reduce(inside))
+
+
 def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
     """The arrays of a plane, with the weights of its vectors in the fit."""
     for name in ("u", "v"):
@@ -97,6 +106,8 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         valid &= usable(plane).transpose("y", "x").values
     if "flag" in plane:
         lost = ~valid & ~np.isin(values("flag"), (VALID, MASKED))
+    if "outline" in plane:
+        lost |= ~valid & ~_in_body(plane)
     weights, noise = [], []
     for name in ("u_std", "v_std"):
         if name not in plane:

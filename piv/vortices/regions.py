@@ -94,16 +94,19 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
         rotating = (turning.q > 0) & (turning.omega > 0)
         for mask, box, level in _vortices(turning, rotating, s.least_part, p, scale, s):
             part = _Criteria(*(q[box] for q in turning))
-            found.append((_measures(part, mask, level, p, box, sense), mask, box, level))
+            found.append((_measures(part, mask, level, p, box, sense), part, mask, box, level))
     found.sort(key=lambda f: -abs(f[0].circulation))
     strongest = abs(found[0][0].circulation) if found else 0.0
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
-    regions = [
-        Region(m, _uncertainty(p, scale, m, mask, box, level))
-        for m, mask, box, level in found
-        if abs(m.circulation) >= least
-    ]
-    return [r for r in regions if abs(r.measures.circulation) >= s.significance * r.std.circulation]
+    regions = []
+    for m, part, mask, box, level in found:
+        if abs(m.circulation) < least:
+            continue
+        noise = _of_vectors(p, scale, m, mask, box, level)
+        if abs(m.circulation) >= s.significance * noise.circulation:
+            std = np.hypot(_of_grid(part, p, m, mask), noise)
+            regions.append(Region(m, Measures(*std.tolist())))
+    return regions
 
 
 def _vortices(
@@ -208,20 +211,28 @@ def _peak(omega: ndarray, mask: ndarray) -> float:
     return value
 
 
-def _uncertainty(
-    p: Plane, scale: float, m: Measures, mask: ndarray, box: tuple[slice, ...], level: float
-) -> Measures:
-    """Standard uncertainties of a region's measures: of the grid, and of the vectors' errors.
+def _of_grid(c: _Criteria, p: Plane, m: Measures, mask: ndarray) -> ndarray:
+    """Standard uncertainties of a region's measures by the grid and by what its edge hides.
 
-    The second by replicas of the errors, alike over the width of a window; 0 where the plane does
-    not tell the vectors' uncertainty.
+    Where the region ends at absent vectors, what lies within half a window beyond is not known.
     """
     step = max(p.step)
-    cells = m.radius / step
-    sizes = step * cells, step * cells, abs(m.circulation), m.radius, abs(m.peak_vorticity)
-    grid = np.array(OF_GRID) * sizes / cells**2
+    sizes = m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)
+    known = np.pad(c.known, 1, mode="edge")
+    hidden = mask & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
+    unseen = c.omega[hidden].sum() * step * p.correlated / 2 / abs(m.circulation)
+    return np.hypot(np.array(OF_GRID) * (step / m.radius) ** 2, unseen) * sizes
+
+
+def _of_vectors(
+    p: Plane, scale: float, m: Measures, mask: ndarray, box: tuple[slice, ...], level: float
+) -> Measures:
+    """Standard uncertainties of a region's measures by replicas of the vectors' errors.
+
+    The errors are alike over a window; 0 where the plane does not tell them.
+    """
     if p.noise is None:
-        return Measures(*grid.tolist())
+        return Measures(*[0.0] * 5)
     reach = 2 + int(np.ceil(REACH * scale / min(p.step)))
     wide = _wider(box, reach, p.valid.shape)
     at = tuple(slice(b.start - w.start, b.stop - w.start) for b, w in zip(box, wide, strict=True))
@@ -242,7 +253,7 @@ def _uncertainty(
             values.append(_measures(part, labels == most, level, p, box, sense))
     if len(values) < 2:  # it vanishes in the noise
         return Measures(*[np.inf] * 5)
-    return Measures(*np.hypot(grid, np.std(values, axis=0, ddof=1)).tolist())
+    return Measures(*np.std(values, axis=0, ddof=1).tolist())
 
 
 def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:

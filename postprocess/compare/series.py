@@ -78,16 +78,18 @@ def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
         "centre_max_distance",
     )
     pair = _or_none(paired, Part(evidence, "piv-cfd", window))
-    if pair is None:
+    if pair is None or not pair["known"].any():
         return dict.fromkeys(names)
+    whole = pair
+    pair = pair[pair["known"]]
     reference = pair["circulation_reference"]
     signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
     numbers = (
         tracks.relative_difference(pair, "circulation"),
         float(signed.mean()),
         float(signed.abs().max()),
-        tracks.centre_distance(pair),
-        float(pair["centre_distance"].max()),
+        tracks.centre_distance(whole),
+        float(whole["centre_distance"].max()),
     )
     return dict(zip(names, numbers, strict=True))
 

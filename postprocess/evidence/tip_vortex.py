@@ -12,6 +12,7 @@ from postprocess.evidence.check_finite import check_table
 
 _REACH = 2.5  # tip widths; a vortex further off is not the tip's
 _RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
+KNOWN = 0.05  # standard uncertainty over circulation: a vortex that a wall hides is known less
 COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
@@ -87,7 +88,8 @@ def dominant_tracks(
 def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     """`reference` linear in time at those of `other`'s instants at which it exists, beside `other`.
 
-    Columns: time, each of COMPARED that both have with _reference and _other, centre_distance (m).
+    Columns: time, each of COMPARED that both have with _reference and _other, centre_distance (m),
+    and whether both circulations are `known` to KNOWN.
     """
     first, last = reference["time"].iloc[[0, -1]]
     inside = other["time"].between(first - 1e-9, last + 1e-9)
@@ -96,8 +98,16 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     for name in reference.columns.intersection(other.columns).intersection(COMPARED):
         pair[f"{name}_reference"] = np.interp(at["time"], reference["time"], reference[name])
         pair[f"{name}_other"] = at[name]
+    pair["known"] = _known(other)[inside].to_numpy()
+    pair["known"] &= np.interp(at["time"], reference["time"], _known(reference)) == 1.0
     dx, dy = pair["x_other"] - pair["x_reference"], pair["y_other"] - pair["y_reference"]
     return pair.assign(centre_distance=np.hypot(dx, dy))
+
+
+def _known(track: pd.DataFrame) -> pd.Series:
+    """Whether the circulation is known to KNOWN; a table without uncertainties says so of all."""
+    std = track.get("circulation_std", pd.Series(0.0, track.index))
+    return std.astype(float) <= KNOWN * track["circulation"].abs()
 
 
 def within(
