@@ -102,7 +102,7 @@ class Vortices(Section):
     min_circulation: Annotated[Positive, Field(le=1e3)] = 2e-4
     """Least size that counts; 1 % of tip speed × length where camera.centre is absent [m²/s]"""
     scale: Positive | None = None
-    """Smoothing length at which they are sought; absent: an eighth of the tip's width [m]"""
+    """Smoothing length at which they are sought; absent: a sixth of the tip's width [m]"""
     weights: Literal["equal", "uncertainty"] = "equal"
     """Of the vectors in that fit"""
 

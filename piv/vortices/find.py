@@ -10,11 +10,12 @@ import xarray as xr
 
 from fileio.formats.plane_series import MASKED, VALID, usable
 from piv.vortices.joint_fit import fit_regions
-from piv.vortices.regions import REGION_PART, REGION_RADIUS, Measures, Plane, find_regions
+from piv.vortices.regions import DISC, REGION_RADIUS, Measures, Plane, find_regions
 from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 
-TIP_PART = 1 / 8  # of the tip's width: the scale at which its vortices are found
+ALIKE = 1.5  # windows over which errors of PIV are alike: it smooths its vectors
+TIP_PART = 1 / 6  # of the tip's width: the scale at which its vortices are found
 
 
 def find_vortices(
@@ -41,7 +42,7 @@ def find_vortices(
 
 
 def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:
-    """The smoothing length: as set, or an eighth of the tip's width, or of a window its half.
+    """The smoothing length: as set, or a sixth of the tip's width, or of a window its half.
 
     Of a plane that has neither, two grid steps; never less than one.
     """
@@ -65,8 +66,9 @@ def _step(plane: xr.Dataset) -> float:
 
 def _start(m: Measures, scale: float) -> tuple[float, float, float, float]:
     """Centre, circulation and core radius from which a fit starts: as of a Lamb-Oseen vortex."""
-    core = np.sqrt(max((m.radius / REGION_RADIUS) ** 2 - 2 * scale**2, (m.radius / 2) ** 2))
-    return m.x, m.y, m.circulation / REGION_PART, core
+    wide = m.radius / REGION_RADIUS
+    core = np.sqrt(max(wide**2 - 2 * scale**2, (m.radius / 2) ** 2))
+    return m.x, m.y, -m.circulation / np.expm1(-((DISC * scale / wide) ** 2)), core
 
 
 def _settings(settings: VortexSettings | None, options: dict[str, float | str]) -> VortexSettings:
@@ -121,7 +123,7 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         known = np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0)
         weights.append(known if s.weights == "uncertainty" else valid.astype(float))
     u, v = (np.where(valid, q, np.nan) for q in (u, v))
-    correlated = s.correlation_length or window_of(plane, 1.0)
+    correlated = s.correlation_length or ALIKE * window_of(plane, 1.0 / ALIKE)
     errors = (noise[0], noise[1]) if len(noise) == 2 else None
     axes = plane["x"].values.astype(float), plane["y"].values.astype(float)
     return Plane(*axes, u, v, valid, lost, errors, correlated, weights[0], weights[1])

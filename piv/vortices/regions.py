@@ -14,18 +14,19 @@ from piv.vortices.criteria import q_criterion, vorticity
 from piv.vortices.settings import VortexSettings
 from piv.vortices.smooth import REACH, Smoother
 
-# Of a Lamb-Oseen vortex Q > 0 bounds r < 1.12 core radii, which holds 71.5 % of its circulation.
+# Of a Lamb-Oseen vortex Q > 0 bounds r < 1.12 core radii.
 REGION_RADIUS = 1.1209
-REGION_PART = 0.715
+DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a tip's width
 # radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
 SMALLEST = 0.75
 FLAT = 0.7  # of the largest vorticity: a region whose edge has more is part of a background
 HIGHEST = 0.5  # level above which a region is parted no more
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
-# standard deviations of the measures on a grid, times the square of the radius in steps; of x and y
-# in radii (measured on Lamb-Oseen vortices of 4 to 15 steps with neighbours, docs/vortices.md)
-OF_GRID = (0.035, 0.035, 0.17, 0.08, 0.2)
+# relative standard deviations of the measures on a grid (x and y: over the radius), factors of
+# powers of the grid step over the radius; measured on Lamb-Oseen vortices with neighbours
+OF_GRID = np.array([0.025, 0.025, 0.025, 0.04, 0.17])
+POWER = np.array([2, 2, 1, 2, 2])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)
 
@@ -55,7 +56,11 @@ class Plane(NamedTuple):
 
 
 class Measures(NamedTuple):
-    """What is measured of a region: centroid and integral of its vorticity, size and peak."""
+    """Centroid of a region's vorticity, circulation round that, size and peak of the region.
+
+    The circulation is of the vorticity of one sense within DISC of the centroid that is nearer to
+    it than to another vortex of that sense, in their radii.
+    """
 
     x: float
     y: float
@@ -93,20 +98,50 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
         turning = _Criteria(sense * whole.omega, whole.q, whole.known)
         rotating = (turning.q > 0) & (turning.omega > 0)
         for mask, box, level in _vortices(turning, rotating, s.least_part, p, scale, s):
-            part = _Criteria(*(q[box] for q in turning))
-            found.append((_measures(part, mask, level, p, box, sense), part, mask, box, level))
-    found.sort(key=lambda f: -abs(f[0].circulation))
-    strongest = abs(found[0][0].circulation) if found else 0.0
+            wide = _wider(box, 2 + int(DISC * scale / min(p.step)), whole.q.shape)
+            inner = np.zeros([w.stop - w.start for w in wide], bool)
+            inner[_within(box, wide)] = mask
+            part = _Criteria(*(q[wide] for q in turning))
+            found.append((_measures(part, inner, level, p, wide, sense), part, inner, wide, level))
+    strongest = max((abs(m.circulation) for m, *_ in found), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
+    found = [f for f in found if abs(f[0].circulation) >= least]
+    measures = [m for m, *_ in found]
     regions = []
     for m, part, mask, box, level in found:
-        if abs(m.circulation) < least:
-            continue
-        noise = _of_vectors(p, scale, m, mask, box, level)
+        own = _own(p, box, m, measures, DISC * scale)
+        m = m._replace(circulation=np.sign(m.circulation) * _circulation(part, own, p))
+        noise = _of_vectors(p, scale, m, mask, box, level, own)
         if abs(m.circulation) >= s.significance * noise.circulation:
-            std = np.hypot(_of_grid(part, p, m, mask), noise)
+            std = np.hypot(_of_grid(part, p, m, own), noise)
             regions.append(Region(m, Measures(*std.tolist())))
-    return regions
+    return sorted(regions, key=lambda r: -abs(r.measures.circulation))
+
+
+def _own(
+    p: Plane, box: tuple[slice, ...], m: Measures, others: list[Measures], reach: float
+) -> ndarray:
+    """Part of each point of a box that is the vortex's: within `reach`, nearer to it than others.
+
+    Distances to vortices of one sense are in their radii.
+    """
+    x, y = p.x[box[1]], p.y[box[0]][:, None]
+    away = np.hypot(x - m.x, y - m.y)
+    own = np.clip(0.5 + (reach - away) / max(p.step), 0.0, 1.0)
+    for other in others:
+        if other is not m and other.circulation * m.circulation > 0:
+            own = own * (away * other.radius <= np.hypot(x - other.x, y - other.y) * m.radius)
+    return own
+
+
+def _circulation(c: _Criteria, own: ndarray, p: Plane) -> float:
+    """Vorticity of the vortex's sense on its `own` points, without its sign."""
+    return float((own * np.maximum(c.omega, 0.0)).sum() * p.step[0] * p.step[1])
+
+
+def _within(box: tuple[slice, ...], wide: tuple[slice, ...]) -> tuple[slice, ...]:
+    """The place of a box in a wider one."""
+    return tuple(slice(b.start - w.start, b.stop - w.start) for b, w in zip(box, wide, strict=True))
 
 
 def _vortices(
@@ -211,21 +246,33 @@ def _peak(omega: ndarray, mask: ndarray) -> float:
     return value
 
 
-def _of_grid(c: _Criteria, p: Plane, m: Measures, mask: ndarray) -> ndarray:
-    """Standard uncertainties of a region's measures by the grid and by what its edge hides.
+def _of_grid(c: _Criteria, p: Plane, m: Measures, own: ndarray) -> ndarray:
+    """Standard uncertainties of a region's measures by the grid and by what is hidden.
 
-    Where the region ends at absent vectors, what lies within half a window beyond is not known.
+    Where its `own` points end at absent vectors, what lies within half a window beyond is unknown.
     """
     step = max(p.step)
-    sizes = m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)
+    sizes = np.array([m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)])
     known = np.pad(c.known, 1, mode="edge")
-    hidden = mask & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
-    unseen = c.omega[hidden].sum() * step * p.correlated / 2 / abs(m.circulation)
-    return np.hypot(np.array(OF_GRID) * (step / m.radius) ** 2, unseen) * sizes
+    hidden = c.known & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
+    unseen = (
+        (own * np.maximum(c.omega, 0.0))[hidden].sum()
+        * step
+        * p.correlated
+        / 2
+        / abs(m.circulation)
+    )
+    return np.hypot(OF_GRID * (step / m.radius) ** POWER, unseen) * sizes
 
 
 def _of_vectors(
-    p: Plane, scale: float, m: Measures, mask: ndarray, box: tuple[slice, ...], level: float
+    p: Plane,
+    scale: float,
+    m: Measures,
+    mask: ndarray,
+    box: tuple[slice, ...],
+    level: float,
+    own: ndarray,
 ) -> Measures:
     """Standard uncertainties of a region's measures by replicas of the vectors' errors.
 
@@ -235,7 +282,7 @@ def _of_vectors(
         return Measures(*[0.0] * 5)
     reach = 2 + int(np.ceil(REACH * scale / min(p.step)))
     wide = _wider(box, reach, p.valid.shape)
-    at = tuple(slice(b.start - w.start, b.stop - w.start) for b, w in zip(box, wide, strict=True))
+    at = _within(box, wide)
     rng = np.random.default_rng(1)
     errors = [
         np.where(p.valid[wide], std[wide], 0.0)[..., None] * _alike(rng, p, std[wide].shape)
@@ -250,7 +297,8 @@ def _of_vectors(
         labels, _ = ndimage.label((part.q > 0) & (part.omega > least))
         most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
         if (labels == most).any():
-            values.append(_measures(part, labels == most, level, p, box, sense))
+            drawn = _measures(part, labels == most, level, p, box, sense)
+            values.append(drawn._replace(circulation=_circulation(part, own, p)))
     if len(values) < 2:  # it vanishes in the noise
         return Measures(*[np.inf] * 5)
     return Measures(*np.std(values, axis=0, ddof=1).tolist())

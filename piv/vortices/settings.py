@@ -13,7 +13,7 @@ class VortexSettings:
     scale: Annotated[
         float | None,
         "smoothing length of the flow (standard deviation of the Gaussian) at which vortices are "
-        "sought; None = an eighth of the tip's width, else half a PIV window, else two grid steps",
+        "sought; None = a sixth of the tip's width, else half a PIV window, else two grid steps",
     ] = None
     least_part: Annotated[float, "least vorticity within a vortex, as a part of its largest"] = 0.1
     min_rotation: Annotated[
