@@ -26,6 +26,7 @@ REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a 
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of
 # powers of the grid step over the radius; measured on Lamb-Oseen vortices with neighbours
 OF_GRID = np.array([0.025, 0.025, 0.025, 0.04, 0.17])
+OF_PIV = 0.0025  # of a circulation, where windows and their smoothing err alike over a vortex
 POWER = np.array([2, 2, 1, 2, 2])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)
@@ -262,7 +263,10 @@ def _of_grid(c: _Criteria, p: Plane, m: Measures, own: ndarray) -> ndarray:
         / 2
         / abs(m.circulation)
     )
-    return np.hypot(OF_GRID * (step / m.radius) ** POWER, unseen) * sizes
+    relative = np.hypot(OF_GRID * (step / m.radius) ** POWER, unseen)
+    if p.noise is not None:
+        relative[2] = np.hypot(relative[2], OF_PIV)
+    return relative * sizes
 
 
 def _of_vectors(

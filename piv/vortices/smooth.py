@@ -65,7 +65,7 @@ class Smoother:
 
 def _weights(step: float, scale: float) -> tuple[ndarray, ndarray]:
     """Offsets and weights of the neighbours along one axis."""
-    count = max(1, int(np.ceil(REACH * scale / step)))
+    count = max(1, int(np.ceil(REACH * scale / step - 1e-6)))
     offset = np.arange(-count, count + 1) * step
     weight = np.exp(-((offset / scale) ** 2) / 2)
     return offset, weight / weight.sum()
