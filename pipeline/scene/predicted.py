@@ -78,7 +78,7 @@ def estimated_cells(scene: Any) -> float:
     length = body.size if body else finger.length + finger.tip.length
     perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
     near = mesh.near_distance
-    around = 2 * length * 2 * near + np.pi * near**2  # of the path of the tip
+    around = np.pi * near**2 + 2 * length * 2 * near * (mesh.near == "path")
     triangles = 2.3 * (
         around / mesh.near_cell**2
         + scene.tank.size[0] * scene.tank.water_depth / mesh.far_cell**2

@@ -56,9 +56,13 @@ def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[
         else f"against level {best['level']}, the finest that was run, whose own error is estimated"
         f" at {quantity(float(best['error']), 'fraction')}"
     )
+    near = ""
+    if pd.notna(row.get("error_near_tip")):
+        share = quantity(float(row["error_near_tip"]), "fraction")
+        near = f" Within two tip widths of the tip its velocity errs by {share} of the flow there."
     trial = f"those of level {level} are wrong by up to {100 * row['error']:.0f}{NBSP}%"
     return (
         f"Level {level} errs by {shown[worst]} at worst ({known[worst]}); {rest}: {against},"
-        f" on scene {scene}.",
+        f" on scene {scene}.{near}",
         trial if row["error"] > _TRIAL else "",
     )

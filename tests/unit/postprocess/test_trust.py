@@ -6,11 +6,11 @@ from postprocess.report.trust import level_error
 from postprocess.report.wording import power_sentence
 
 TABLE = """# {"format": "tradeoff"}
-run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal
+run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip
 fine,fine,flow,600000,0.06,0.03,0.06,0.02,0.04,
 smoke,smoke,flow,3000,1.718,0.88,0.2,0.19,1.718,
 draft,draft,flow,30000,0.142,0.142,0.1,0.04,0.08,
-dorsal,dorsal,flow,30000,0.142,0.142,0.1,0.04,0.08,0.02
+dorsal,dorsal,flow,30000,0.142,0.142,0.1,0.04,0.08,0.02,0.3
 piv,draft,piv,30000,0.02,0.02,0.01,0.006,,
 """
 
@@ -35,7 +35,13 @@ def scene(tmp_path):
                 "whose own error is estimated at 6.0 %",
             ),
         ),
-        ("dorsal", ("circulation on the dorsal side of the tip 2.0 %",)),
+        (
+            "dorsal",
+            (
+                "circulation on the dorsal side of the tip 2.0 %",
+                "Within two tip widths of the tip its velocity errs by 30",
+            ),
+        ),
         ("fine", ("extrapolated from the level below",)),
     ],
 )
