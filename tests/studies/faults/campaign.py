@@ -293,7 +293,9 @@ def disks(at: Campaign, chosen: list[str]) -> Iterator[Row]:
                 wrong = "" if answer[0] else "completed without room"
                 yield at.row(target, f"disk {fault}", [answer], wrong or at.again(target))
         at.restore(at.wanted)
-        cv2.imwrite(str(at.out.parent / "camera.png"), np.ones((256, 320), "u1"))
+        body = np.zeros((256, 320), "u1")
+        body[100:150, 120:140] = 255
+        cv2.imwrite(str(at.out.parent / "camera.png"), body)
         for name, words in COMMANDS.items() if "piv" in chosen else ():
             action = partial(_piv, words.replace("{}", str(at.out)).split())
             remount(_room(at.out, 0))

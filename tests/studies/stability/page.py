@@ -195,7 +195,7 @@ def fault_table(rows: list[Row]) -> str:
         kind = next((f"input {k}" for k in ("damaged", "of another") if k in fault), fault)
         kinds.setdefault(kind.replace("another", "another scene or level"), []).append(row)
     ends = ("times", "completed", "refused", "recomputed", "wrong")
-    lines = [f"| fault | stages | {' | '.join(ends)} |", "|---" * (2 + len(ends)) + "|"]
+    lines = [f"| fault | stages or commands | {' | '.join(ends)} |", "|---" * (2 + len(ends)) + "|"]
     for kind, those in kinds.items():
         numbers = [len({row["stage"] for row in those})]
         numbers += [sum(int(row[end]) for row in those) for end in ends]
