@@ -19,7 +19,7 @@ from postprocess.report.assumptions import flow_numbers, purpose, statements
 from postprocess.report.page_template import page_template
 from postprocess.report.pinch_table import pinch_table
 
-MAX_BYTES = 10_000_000  # a browser opens it with ease
+MAX_BYTES = 15_000_000  # a browser opens it with ease; long motions of long fingers take 12
 _MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".webm": "video/webm"}
 
 
