@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
 def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = False) -> None:
     """Write the series `source` with its pressure to `output`."""
     settings = {**settings, "about": tuple(settings["about"])}
-    p_std, largest = [], 0.0
+    p_std, largest, outside = [], 0.0, 0
     with open_vectors(source) as series:
         kept = [name for name in (*VECTORS, *FINGER_VARIABLES) if name in series]
         found = pressures(series, **settings)
@@ -65,6 +65,7 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
                 own = {name: one[name].values for name in kept}
                 grids = {n: f.astype(np.float32) for n, f in fields.items() if n[:5] in _GRIDS}
                 planes.write(k, float(times[k]), {**own, **fields, **grids})
+                outside += bool(np.isnan(fields.get("line_moment", 0.0)).any())
                 p_std.append(np.nanmedian(fields["p_std"]))
                 largest = max(largest, float(np.nanmax(np.abs(fields["p"]))))
         known, outlines = "u_std" in series, "outline" in series
@@ -74,6 +75,8 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
         f"{output}: p up to {largest:.3g} Pa ({REFERENCE}), standard uncertainty median"
         f" {np.median(p_std):.2g} Pa{'; loads on the outline' if outlines else ''}"
     )
+    if outside:
+        print(f"no loads at {outside} of {len(times)} instants: the outline leaves the vectors")
     if not known:
         print("the vectors' uncertainty is not known: taken from their scatter in time")
     print("p holds where the flow does not cross the light sheet, as in a plane of symmetry")

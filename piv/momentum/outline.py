@@ -44,14 +44,16 @@ class Shore:
         apart, near = cKDTree(nodes).query(points, k=_NEAREST)
         self._to = nodes[near] - points[:, None]
         self._near = rows[near], columns[near]
+        self._far = apart[:, 0] > _AROUND * min(self._step)
         weights = np.maximum(apart, _LEAST * min(self._step)) ** -2.0
         self._weights = weights / weights.sum(axis=1, keepdims=True)
 
     def __call__(self, pressure: ndarray, errors: bool = False) -> ndarray:
         """Pressure (…, finger, point) from that on the grid (…, y, x), Pa.
 
-        From each near point back along the mean of its gradient and the wall's. `errors`: of
-        deviations, which the wall's known gradient does not have.
+        From each near point back along the mean of its gradient and the wall's. NaN farther than
+        `_AROUND` grid steps from any, as outside the view. `errors`: of deviations, which the
+        wall's known gradient does not have.
         """
         rows, columns = self._near
         gradient = np.stack(
@@ -66,7 +68,8 @@ class Shore:
             wall = 0.0 if errors else self._wall.reshape(-1, 1, 2)
             gradient = 0.5 * (gradient + wall)
         back = pressure[..., rows, columns] - (gradient * self._to).sum(axis=-1)
-        return (back * self._weights).sum(axis=-1).reshape(*pressure.shape[:-2], *self._shape)
+        at = np.where(self._far, np.nan, (back * self._weights).sum(axis=-1))
+        return at.reshape(*pressure.shape[:-2], *self._shape)
 
 
 def wall_gradients(series: xr.Dataset, at: int, density: float) -> ndarray | None:
@@ -87,7 +90,8 @@ def loads(outline: ndarray, pressure: ndarray, about: ndarray) -> tuple[ndarray,
     """Force (…, finger, axis) N/m and moment (…, finger) N m/m of a pressure on closed outlines.
 
     outline: (finger, point, axis) m; pressure: (…, finger, point) Pa; about: (axis,) m, the point
-    of the moment, counter-clockwise positive. Trapezoids; a constant pressure makes neither.
+    of the moment, counter-clockwise positive. Trapezoids; a constant pressure makes neither. NaN
+    where a part of the outline has no pressure.
     """
     after = np.roll(outline, -1, axis=1)
     along, middle = after - outline, 0.5 * (after + outline) - about

@@ -47,6 +47,12 @@ def load_table(measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0) -> 
 
 
 def relative_difference(table: pd.DataFrame, name: str = "moment") -> float:
-    """RMS difference of a load between the sources, over the RMS of the simulation's."""
+    """RMS difference of a load between the sources, over the RMS of the simulation's.
+
+    NaN where both are known at no instant.
+    """
     other, own = table[f"{name}_piv"], table[f"{name}_cfd"]
-    return float(np.sqrt(np.mean((other - own) ** 2) / np.mean(own**2)))
+    both = other.notna() & own.notna()
+    if not both.any():
+        return float("nan")
+    return float(np.sqrt(np.mean((other - own)[both] ** 2) / np.mean(own[both] ** 2)))

@@ -27,13 +27,15 @@ def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time:
         "cfd": own["p_outline"].values[nearest, 0] - zero,
         "piv": now["p_outline"].values[0],
     }
-    caption = (
-        f"At {float(now['time']):.3f} s; each is 0 on average along the edge of PIV's view. The"
-        f" moment from PIV is {relative_difference(table):.0%} off the same integral of the"
-        " simulation's pressure (RMS over the run); its band is 95 %. PIV has the pressure that"
-        " the water's acceleration needs: a difference in the vortex is what the simulation's"
-        " schemes take from the momentum."
+    off = relative_difference(table)
+    caption = f"At {float(now['time']):.3f} s; each is 0 on average along the edge of PIV's view. "
+    caption += (
+        f"The moment from PIV is {off:.0%} off the same integral of the simulation's pressure (RMS"
+        " over the run); its band is 95 %. "
+        if np.isfinite(off)
+        else "The finger leaves the view, so that its moment is not known. "
     )
+    caption += "PIV has the pressure that the water's acceleration needs."
     alt = "Pressure around the finger from CFD and PIV, along its outline, and its moment."
     figure = draw_pressure.pressure_and_loads(planes, on_outline, table)
     album.add(figure, "pressure.png", "water", alt, caption)

@@ -114,6 +114,15 @@ def test_loads_on_an_oscillating_cylinder() -> None:
     np.testing.assert_allclose(known["line_force"].values[MIDDLE, 0, 0], force, rtol=0.03)
 
 
+def test_a_body_that_leaves_the_view_has_no_loads() -> None:
+    """Its pressure is known on the part that is seen, its force and moment are not."""
+    series = cylinder(75)[0].isel(x=slice(0, 40), time=slice(3, 6))  # x up to the body's middle
+    found = Balance(series, RHO, 0.0, ABOUT).at(1)
+    seen = np.isfinite(found["p_outline"][0])
+    assert 0 < seen.sum() < seen.size
+    assert np.isnan(found["line_moment"]).all()
+
+
 def _exact(series: xr.Dataset) -> np.ndarray:
     """The exact pressure of the middle instant in the place of all."""
     return np.broadcast_to(cylinder(0)[1], series["u"].shape)
