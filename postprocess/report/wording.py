@@ -46,6 +46,13 @@ def _requirement(check: dict[str, Any]) -> str:
 
 
 _SENTENCES = {"met": True, "not met": False}
+_ABOUT = {
+    "circulation_difference": "the circulation of the tip vortex",
+    "centre_distance": "the place of the tip vortex",
+    "centre_distance_relative": "the place of the tip vortex",
+    "velocity_rms_difference": "the velocity",
+    "velocity_correlation": "the pattern of the flow",
+}
 
 
 def _word(met: bool | None, trial: bool) -> str:
@@ -107,9 +114,9 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
 
 
 def _failing(comparison: dict[str, Any], met: bool | None) -> str:
-    """The agreement checks of one verdict by what they measure."""
+    """The agreement checks of one verdict by what they are about."""
     checks = (c for c in comparison["checks"] if c["kind"] == "agreement" and c["met"] is met)
-    return ", ".join(check["label"] for check in checks)
+    return ", ".join(dict.fromkeys(_ABOUT.get(c["quantity"], c["label"]) for c in checks))
 
 
 def _numbers(comparison: dict[str, Any]) -> str:
