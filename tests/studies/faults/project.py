@@ -37,7 +37,7 @@ sheet = {{ spacing = 2.1e-3 }}
 camera = {{ density_ppp = 0.03 }}
 piv = {{ window = 48 }}
 structure = {{ damping = 0.005 }}
-vortices = {{ stencil_radius = 4e-3 }}
+vortices = {{ scale = 4e-3 }}
 """
 SPENT = ("wall_time", "resumed")  # numbers of a run that a resumed one does not repeat
 
