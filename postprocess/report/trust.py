@@ -46,8 +46,7 @@ def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
 
 def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[str, str]:
     known = {name: words for name, words in _ERRORS.items() if pd.notna(row.get(name))}
-    # The tip vortex is shown beside the dorsal side, where that was measured and counts.
-    worst = min(known, key=lambda name: abs(row[name] - row["error"]))
+    worst = max(known, key=lambda name: float(row[name]))
     shown = {name: quantity(float(row[name]), "fraction") for name in known}
     rest = ", ".join(f"{words} {shown[name]}" for name, words in known.items() if name != worst)
     against = (

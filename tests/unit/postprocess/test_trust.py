@@ -1,9 +1,13 @@
 """What the head of a page says of the level and of the finger's work."""
 
+import re
+
+import pandas as pd
 import pytest
 
 from postprocess.report.trust import level_error
 from postprocess.report.wording import power_sentence
+from tests.conftest import ROOT
 
 TABLE = """# {"format": "tradeoff"}
 run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip
@@ -76,3 +80,13 @@ def test_the_power_balance_in_short():
     sentence = power_sentence({"work": -1.0, "taken": taken, "unexplained_fraction": -0.006})
     assert "take 30\u00a0%" in sentence
     assert "0.6\u00a0% is unexplained" in sentence
+
+
+def test_the_readme_quotes_the_measured_errors():
+    results = ROOT / "cases" / "single_finger" / "studies" / "results" / "tradeoff.csv"
+    table = pd.read_csv(results, comment="#").set_index("run")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    part = readme.partition("**Level coarse**")[2].partition("\n- ")[0]
+    names = ("circulation", "centre", "velocity", "near_tip", "force")
+    quoted = [f"{100 * table.loc['coarse', f'error_{name}']:.1f} %" for name in names]
+    assert re.findall(r"[\d.]+ %", part) == quoted
