@@ -110,7 +110,7 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
 
 def test_a_turbulence_model_is_no_setting_of_accuracy():
     settings, _ = read_results(SINGLE / "studies" / "results" / "tradeoff.csv")
-    assert len(settings) > 5
+    assert len(settings) >= 4  # a level each, from smoke to medium
     assert not any("fluid.turbulence" in setting.row.overrides for setting in settings)
 
 
