@@ -28,9 +28,14 @@ pytestmark = [
 
 
 def closing(folder: Path, kind: str, end: float) -> Scene:
-    """Three times as fast as the shipped pinch, to a gap for few cells; contact from 0.07 s on."""
+    """Three times as fast as the shipped pinch, to a gap for few cells; contact from 0.07 s on.
+
+    Its camera is stated: a scene with its own motion does not inherit its parent's view, and the
+    stages that are called here get a scene of which `open_run` has not filled in what follows.
+    """
     stroke = "strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.12 }]"
     more = f"[motion]\n{stroke}\nend_time = {end}\n[pinch]\nresidual_gap = 0.002\n"
+    more += "[camera]\ncentre = [0.0, 0.180]\nscale_mm_per_px = 0.125\n"
     return prepare(write_scene(folder, kind, more, parent="pinch"))
 
 
