@@ -19,6 +19,7 @@ from fileio.lock import exclusive
 from fileio.provenance import digest
 from fileio.record import changed_outputs, read_record, record_path
 from pipeline.fea.up_to_date import check_states
+from pipeline.kinematics.values import kinematics_values
 from pipeline.kinematics.view import following, tip_path, unseen_tip
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
@@ -149,6 +150,11 @@ class Run:
         if self.analysed and self.scene.camera.centre is not None:
             return  # the stage sheet checks it, once the states are there
         if why := unseen_tip(self.scene.camera, tip_path(self.scene).places):
+            # a finger that leaves the water leaves the picture, too: no other camera would help
+            try:
+                kinematics_values(self.scene)
+            except StageError as error:
+                raise StageError(f"kinematics: {error}") from None
             raise StageError(f"{self.scene.folder / 'scene.toml'}: {why}")
 
 

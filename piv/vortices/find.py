@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import shapely
 import xarray as xr
+from matplotlib.path import Path
 
 from fileio.formats.plane_series import MASKED, VALID, usable
 from piv.vortices.joint_fit import fit_regions
@@ -83,9 +83,10 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
 
 def _in_body(plane: xr.Dataset) -> np.ndarray:
     """Which grid points (y, x) lie within an outline of the plane."""
-    points = np.meshgrid(plane["x"].values, plane["y"].values)
+    xx, yy = np.meshgrid(plane["x"].values, plane["y"].values)
+    points = np.column_stack([xx.ravel(), yy.ravel()])
     outlines = plane["outline"].values.reshape(-1, *plane["outline"].shape[-2:])
-    inside = [shapely.contains_xy(shapely.Polygon(o), *points) for o in outlines]
+    inside = [Path(o).contains_points(points).reshape(xx.shape) for o in outlines]
     return np.asarray(np.logical_or.reduce(inside))
 
 

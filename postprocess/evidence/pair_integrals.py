@@ -35,8 +35,12 @@ def pair_integrals(plane: xr.Dataset, table: pd.DataFrame) -> pd.DataFrame:
     rows = near.loc[order].drop_duplicates(keys).sort_values(keys, ignore_index=True)
     columns, share = beside_middle(plane["x"].values)
     y, times, between = plane["y"].values, plane["time"].values, np.empty(len(rows))
-    for time, at in rows.groupby("time").groups.items():
-        (_, v), valid = frame(plane, int(np.argmin(np.abs(times - time))))
+    # a table's times are rounded in its file: the plane's own, by which others select
+    index = np.abs(times[None, :] - rows["time"].to_numpy(float)[:, None]).argmin(axis=1)
+    rows["time"] = times[index]
+    for i in np.unique(index):
+        (_, v), valid = frame(plane, int(i))
+        at = np.flatnonzero(index == i)
         middle = on_middle(np.where(valid, v, np.nan)[:, columns], share)
         between[at] = np.interp(rows.loc[at, "y"], y, middle)
     return rows.assign(between=between)[list(COLUMNS)]
