@@ -90,11 +90,12 @@ def microvec(plane, folder: Path) -> None:
 
 
 def uncalibrated(plane, folder: Path) -> None:
-    """A series as `piv correlate` writes it without a calibration: px, and px per frame."""
+    """A series as `piv correlate --rate` writes it without a calibration: px, px per frame, s."""
     out = plane.assign({n: plane[n] * INTERVAL / SCALE for n in ("u", "v")})
     out = out.assign_coords(x=plane["x"] / SCALE, y=plane["y"] / SCALE)
     for name in ("x", "y", "u", "v"):
         out[name].attrs["units"] = "px"
+    out["time"].attrs["units"] = "s"
     write_vectors(out, folder / "v.h5")
 
 
