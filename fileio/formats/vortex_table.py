@@ -15,11 +15,12 @@ from fileio.json_text import parse_json
 from fileio.provenance import check_version
 from fileio.record import check_whole
 
-FORMAT, VERSION = "vortices", 2
+FORMAT, VERSION = "vortices", 1
 REMEDY = "find the vortices again"
 COLUMNS = [
     "time", "track", "bridged", "lifetime", "x", "y", "circulation", "radius", "peak_vorticity",
-    "x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std", "finger", "side",
+    "x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std",
+    "x_random_std", "y_random_std", "circulation_random_std", "finger", "side",
     "tip_distance", "along_tip", "across_tip", "x_fit", "y_fit", "circulation_fit", "core_radius",
     "x_fit_std", "y_fit_std", "circulation_fit_std", "core_radius_std", "explained",
 ]  # fmt: skip

@@ -36,7 +36,7 @@ def find_vortices(
     fits = fit_regions(p, start, s)
     missing = (np.nan,) * 9
     return [
-        Vortex(*r.measures, *r.std, *(missing if fit is None else fit))
+        Vortex(*r.measures, *r.std, *r.random[:3], *(missing if fit is None else fit))
         for r, fit in zip(regions, fits, strict=True)
     ]
 

@@ -71,10 +71,11 @@ class Measures(NamedTuple):
 
 
 class Region(NamedTuple):
-    """A vortex, its `measures` and their standard uncertainties."""
+    """A vortex, its `measures` and their standard uncertainties; `random`: by the vectors alone."""
 
     measures: Measures
     std: Measures
+    random: Measures
 
 
 class _Criteria(NamedTuple):
@@ -115,7 +116,7 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
         noise = _of_vectors(p, scale, m, mask, box, level, own)
         if abs(m.circulation) >= s.significance * noise.circulation:
             std = np.hypot(_of_grid(part, p, m, own), noise)
-            regions.append(Region(m, Measures(*std.tolist())))
+            regions.append(Region(m, Measures(*std.tolist()), noise))
     return sorted(regions, key=lambda r: -abs(r.measures.circulation))
 
 

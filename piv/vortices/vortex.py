@@ -11,9 +11,10 @@ class Vortex:
 
     By its region, where the smoothed flow rotates more than it strains: `x`, `y` centroid and
     `circulation` integral of the vorticity, `radius` of the circle of equal area,
-    `peak_vorticity`. `circulation_fit` to `explained` are those of the Lamb-Oseen vortex that fits
-    best, swirl circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)); NaN where none fits. `explained`
-    is the part of the vectors' variance that it explains.
+    `peak_vorticity`. `*_random_std` is the part of the uncertainty that the vectors' errors make.
+    `circulation_fit` to `explained` are those of the Lamb-Oseen vortex that fits best, swirl
+    circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)); NaN where none fits. `explained` is the
+    part of the vectors' variance that it explains.
     """
 
     x: float
@@ -26,6 +27,9 @@ class Vortex:
     circulation_std: float
     radius_std: float
     peak_vorticity_std: float
+    x_random_std: float
+    y_random_std: float
+    circulation_random_std: float
     x_fit: float
     y_fit: float
     circulation_fit: float

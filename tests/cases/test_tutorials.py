@@ -131,7 +131,6 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
 @pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed")
 @pytest.mark.openfoam
 @pytest.mark.slow
-@pytest.mark.xfail(reason="issues 37 and 38: numbers of the tutorial")
 def test_an_own_finger_its_recording_and_its_results(clone):
     """One run for three pages."""
     assert follow("own_finger.md", clone) <= 4

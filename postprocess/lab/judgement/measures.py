@@ -12,13 +12,13 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.judgement.case import Case
 
 COLUMNS = ("circulation", "x", "y")
-_MORE = ("radius", "circulation_std", "x_std", "y_std")
+_MORE = ("radius", *(f"{name}_random_std" for name in COLUMNS))
 
 
 def measure(case: Case, plane: xr.Dataset, name: str) -> pd.DataFrame:
     """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
 
-    With the standard uncertainties by the vectors' own, over time; NaN where there is no vortex.
+    With their random standard uncertainties, over time; NaN where there is no vortex.
     Vectors that are not `seen` on all sides do not count. ValueError where no vortex is near the
     finger's tip.
     """
@@ -35,11 +35,12 @@ def measure(case: Case, plane: xr.Dataset, name: str) -> pd.DataFrame:
 def scatter(plane: xr.Dataset, table: pd.DataFrame, rows: np.ndarray) -> dict[str, float]:
     """Standard uncertainty of each quantity at one instant from the vectors' own.
 
+    What grid and masks hide is alike on both sides, which are seen through the same windows.
     RMS over the instants `rows`. ValueError where the vectors carry no uncertainty.
     """
     if "u_std" not in plane:
         raise ValueError(
             "the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml"
         )
-    std = {name: table.loc[rows, f"{name}_std"].to_numpy(float) for name in COLUMNS}
+    std = {name: table.loc[rows, f"{name}_random_std"].to_numpy(float) for name in COLUMNS}
     return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in std.items()}

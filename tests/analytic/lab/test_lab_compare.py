@@ -85,7 +85,6 @@ def by_name(result):
     return {q["name"]: q for q in result[0]["quantities"]}
 
 
-@pytest.mark.xfail(reason="issue 38: the new measure is too uncertain beside the tip")
 def test_equal_flows_agree(compared):
     result, series = compared[1.0]
     assert result["verdict"] == AGREES, result["wrong"]
@@ -93,7 +92,6 @@ def test_equal_flows_agree(compared):
     assert {"circulation_data", "circulation_virtual", "circulation_direct"} <= set(series.columns)
 
 
-@pytest.mark.xfail(reason="issue 38: the new measure is too uncertain beside the tip")
 def test_stronger_vortex_is_a_model_error_of_its_size(compared):
     quantities = by_name(compared[1.25])
     circulation = quantities["circulation"]
@@ -104,7 +102,6 @@ def test_stronger_vortex_is_a_model_error_of_its_size(compared):
     assert compared[1.25][0]["verdict"] == ERROR
 
 
-@pytest.mark.xfail(reason="issue 38: the new measure is too uncertain beside the tip")
 def test_what_a_finer_run_changes_is_no_model_error(compared):
     """A run of finer numerics has the vortex of the recording: S is that run's."""
     coarse, finer = by_name(compared[1.25]), by_name(compared["finer"])

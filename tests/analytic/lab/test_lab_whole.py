@@ -155,7 +155,6 @@ def test_virtual_camera_is_put_before_the_vectors(run, tmp_path):
     assert relative_error(quantities) < 0.03  # 0.04 %; 10 % where only the simulation is smoothed
 
 
-@pytest.mark.xfail(reason="issue 38: the new measure is too uncertain beside the tip")
 def test_a_virtual_laboratory_of_another_pressure_is_compared(run, monkeypatch):
     """A recording with errors of set-up and 5 % more pressure, whose clock begins 7 ms late."""
     folder = command.virtual_laboratory(run, 21.0, Machine(), quiet=True)

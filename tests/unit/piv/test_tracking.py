@@ -10,7 +10,7 @@ from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex
 
-PLAIN = Vortex(0, 0, 1.0, 1.0, 0.1, *[0.01] * 14)
+PLAIN = Vortex(0, 0, 1.0, 1.0, 0.1, *[0.01] * 17)
 
 
 def at(x: float, y: float, circulation: float = 1.0) -> Vortex:
