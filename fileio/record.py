@@ -29,7 +29,7 @@ def of_run(path: Path) -> Path:
 
 
 def forget_run(path: Path) -> None:
-    """Remove what a coupled run has written in the place of `path`, which is made anew."""
+    """Remove what a coupled run has written in the place of `path`."""
     (path.parent / "run" / path.name).unlink(missing_ok=True)
 
 

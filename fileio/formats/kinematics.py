@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.errors import StageError, one_line
-from fileio.record import forget_run, of_run
+from fileio.record import of_run
 from fileio.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -149,7 +149,6 @@ def write_kinematics(
     units: Mapping[str, str] | None = None,
 ) -> None:
     """Write a kinematics.h5 from SCHEMA's variables by name; `units` replace the declared ones."""
-    forget_run(path)
     SCHEMA.write(path, dict(values), units=units)
 
 

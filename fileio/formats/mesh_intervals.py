@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from fileio.record import forget_run, of_run
+from fileio.record import of_run
 from fileio.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -139,7 +139,6 @@ def write_planform(
     )
     arrays = {name: np.array(values) for name, values in columns.items()}
     arrays["interval_moving"] = arrays["interval_moving"].astype(int)
-    forget_run(path)
     groups = {f"mesh_{number}": mesh for number, mesh in enumerate(meshes)}
     SCHEMA.write(path, arrays | attributes, groups)
 

@@ -12,7 +12,6 @@ from fileio.formats.mesh_intervals import PER_FINGER, read_meshes
 from fileio.formats.records import RUN
 from fileio.lock import exclusive
 from fileio.provenance import versions
-from fileio.record import forget_run
 from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
@@ -41,8 +40,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     kind = scene.model.kind
     coupled = None
     if scene.motion.source == "structure":
-        for name in ("kinematics.h5", "planform.h5"):  # the first guess is wanted
-            forget_run(scene.out / name)
         coupled = Coupled(scene)
     guesses = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
     meshes = list(guesses)

@@ -27,6 +27,7 @@ from fileio.record import (
     changed_outputs,
     check_whole,
     forget,
+    forget_run,
     read_record,
     record_path,
     write_record,
@@ -35,7 +36,7 @@ from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, take_over, targets
-from pipeline.runs.stages import BY_NAME, FEA, Stage
+from pipeline.runs.stages import BY_NAME, FEA, Stage, until
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 
@@ -153,6 +154,9 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
             return  # another process made it meanwhile
+        if step in until("run"):  # these read, and write, the first guess of a coupled run
+            for guess in ("kinematics", "mesh"):
+                forget_run(run.path(guess))
         if (twin := run.twin(stage)) is not None:
             take_over(run, stage, twin)
             if not quiet:

@@ -12,10 +12,13 @@ import pytest
 
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
-from fileio.formats.mesh_intervals import read_intervals
+from fileio.formats.kinematics import SCHEMA
+from fileio.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.mesh import stage as mesh_stage
 from pipeline.mesh.intervals import divide
 from pipeline.run import stage as run_stage
+from pipeline.runs.make import Machine, make_stage
+from pipeline.runs.run import open_run
 from pipeline.scene.scene import load_scene
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
@@ -62,11 +65,13 @@ def solved(prepared, tmp_path_factory):
 def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
     """In a process of its own: a stage that forks from one that has used threads is ended."""
     scene = write_scene(tmp_path / "scene", more=STROKE + PAGE)
+    out = scene.out / "coupled"
     words = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny"]
     words += ["--coupled", "-n", "1"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     path = Path(done.stdout.split("report: ")[-1].strip())
+    assert path.parent == out.resolve()
     page = path.read_text(encoding="utf-8")
     assert "Pressure and water make the finger" in page
     assert "motion is prescribed" not in page
@@ -78,6 +83,13 @@ def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
     again = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert again.returncode == 0
     assert "kinematics:" not in again.stdout  # nothing is made twice
+    # another mesh is made for the first guess of the motion, not for that of the finished run
+    files = (out / "kinematics.h5", out / "run" / "kinematics.h5")
+    first, last = (float(SCHEMA.read(path)["shape_bend"].max()) for path in files)
+    assert last > 1.1 * first
+    numbers = {"motion.source": "structure", "mesh.wall_first_layer": 1.3e-3}
+    make_stage(open_run(scene.folder, "tiny", numbers, out), "mesh", Machine(), quiet=True)
+    assert read_planform(out, 0)["bend"].max() == first
 
 
 def test_the_loads_of_the_run_make_its_motion(solved):
