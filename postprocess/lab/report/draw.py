@@ -33,9 +33,9 @@ def series(
         if side in half:
             low, high = ((values + s * K95 * half[side]) * unit for s in (-1, 1))
             ax.fill_between(time, low, high, color=COLOUR[side], alpha=0.2, lw=0)
-    ax.axvspan(*window, color=SHADED, zorder=0, label="compared")
+    ax.axvspan(*window, color=SHADED, zorder=0)
     ax.set(xlabel="time of the simulation, s", ylabel="circulation, cm²/s")
-    ax.set_title("Tip vortex of the nominal run; bands hold 95 % of each instant")
+    ax.set_title("Tip vortex (shaded: the instants compared); bands hold 95 % of each instant")
     ax.legend(loc="best")
     return figure
 
