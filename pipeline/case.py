@@ -51,7 +51,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
     sampling = n.sampling_steps(scene.sheet.rate_hz)
     sheet_z = 0.5 * back if flat else scene.sheet.z
     # a coupled finger takes the loads of every step
-    balance = 1 if scene.motion.source == "structure" else n.balance_steps(scene.sheet.rate_hz)
+    balance = 1 if scene.coupled else n.balance_steps(scene.sheet.rate_hz)
 
     def point(*xyz: float) -> str:
         return f"({' '.join(f'{c:.10g}' for c in xyz)})"
@@ -240,7 +240,7 @@ def write_interval(
     entries = numbers(scene, interval, handover, float(levels[0]))
     points = mesh.points(nodes, levels)
     write_case(folder, entries, not interval.index, planform, mesh, points)
-    if scene.motion.source == "structure":
+    if scene.coupled:
         add_gate(folder)
 
 
@@ -277,7 +277,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         for interval in intervals:
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
             columns[interval.name] = columns_of(mesh)
-            if interval.index and scene.motion.source == "structure":
+            if interval.index and scene.coupled:
                 continue  # made in the run, in the shape that the finger then has
             nodes = NodeMotion.of(law, planform).nodes(interval.begin)
             write_interval(scene, intervals, interval, planform, mesh, nodes)

@@ -26,7 +26,7 @@ def motion_rate(values: dict[str, Any]) -> np.ndarray:
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write kinematics.h5."""
     shapes = None
-    if scene.motion.source == "structure":
+    if scene.coupled:
         from pipeline.structure.finger import modelled_shapes
 
         shapes = modelled_shapes(scene)

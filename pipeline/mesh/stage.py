@@ -271,17 +271,20 @@ def run(scene: Scene, quiet: bool = False) -> None:
     overlap = overlap_steps(numerics.time_step)
     meshes, rows = _choose_meshes(setting, mesh, sampling, overlap, quiet)
     MESH_QUALITY.write(scene.out / "mesh_quality.csv", rows)
-    both = scene.pinch is not None and scene.model.kind in ("half", "full")  # fingers in the mesh
-    coupled = scene.motion.source == "structure"
     # a coupled finger may move where the first guess rests
-    still = len(setting.motion) if coupled else last_move(setting.deformation_of_steps) + overlap
+    still = (
+        len(setting.motion) if scene.coupled else last_move(setting.deformation_of_steps) + overlap
+    )
     write_planform(
         scene.out / "planform.h5",
         _intervals_of([morphed.part for morphed in meshes], numerics.time_step, still),
-        {"model": scene.model.kind, "mirror": int(scene.pinch is not None and not both)},
+        {
+            "model": scene.model.kind,
+            "mirror": int(scene.pinch is not None and not scene.both_fingers),
+        },
         [
-            _mesh_values(morphed, bodies, width, both, levels)
-            | (_built(morphed.planform) if coupled else {})
+            _mesh_values(morphed, bodies, width, scene.both_fingers, levels)
+            | (_built(morphed.planform) if scene.coupled else {})
             for morphed in meshes
         ],
     )

@@ -201,14 +201,15 @@ class Coupled:
         assert self.inertia is not None
         return check(self.finger.chain, self.step, self.finger.water, self.inertia, self.history)
 
-    def write(self, followers: list[Follower], result: Check) -> list[IntervalMesh]:
-        """Write the motion and its meshes, in place of the first guess; the meshes."""
+    def write(
+        self, followers: list[Follower], meshes: list[IntervalMesh], result: Check
+    ) -> list[IntervalMesh]:
+        """Write the motion and its `meshes`, in place of the first guess; the meshes."""
         out, h = self.scene.out / "run", self.history
         time = self.step * np.arange(self.last + 1)
         shapes = self.finger.shapes(time, h.pressure, h.delta)
         values = kinematics_values(self.scene, shapes, exact=True)
         write_kinematics(out / "kinematics.h5", values, units_of(self.scene, values))
-        meshes = [follower.mesh for follower in followers]
         intervals = [
             replace(mesh.interval, mesh=number, moving=True) for number, mesh in enumerate(meshes)
         ]
@@ -344,7 +345,6 @@ class Follower:
         loads = np.array([posed.of_forces(place, one)[1:] for one in force])
         return -np.einsum("msl,jm->slj", loads, modes)
 
-    @property
     def mesh(self) -> IntervalMesh:
         """The interval's mesh with its motion as far as it is known."""
         time, points = self._motion()
@@ -410,12 +410,11 @@ class Follower:
                 return
             clock.sleep(_PAUSE)
         if number > self._start:
-            kind, scene = run.scene.model.kind, run.scene
-            both = scene.pinch is not None and kind in ("half", "full")
+            density, copies = run.scene.fluid.density, PER_FINGER[run.scene.model.kind]
             posed = Posed(
                 run.finger, float(run.history.pressure[number]), run.history.delta[number]
             )
-            loads, _ = posed.loads(surface, scene.fluid.density, PER_FINGER[kind], both)
+            loads, _ = posed.loads(surface, density, copies)
             run.history.loads[number] = loads[1:]
             self._advance(number)
             if number < self._end:

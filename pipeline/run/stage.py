@@ -39,7 +39,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     end, step = scene.motion.end_time, scene.numerics.time_step
     kind = scene.model.kind
     coupled = None
-    if scene.motion.source == "structure":
+    if scene.coupled:
         coupled = Coupled(scene)
     guesses = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
     meshes = list(guesses)
@@ -75,7 +75,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                     interval, follower = meshes[k].interval, None
                     if coupled:
                         follower = Follower(coupled, case, guesses[k], layout)
-                        meshes[k] = follower.mesh
+                        meshes[k] = follower.mesh()
                         followers.append(follower)
                         if k and not prepared_for(case):
                             make_later_case(scene, guesses, k, follower.first_nodes)
@@ -89,7 +89,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                     )
                     remove_frames(case, layout)
                     if follower:
-                        meshes[k] = follower.mesh
+                        meshes[k] = follower.mesh()
                     bar.update(interval.end - bar.n)
             return followers
 
@@ -106,7 +106,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 followers = solve_all()
                 result = coupled.check()
             check_again(result, scene.finger.length, f"{scene.folder / 'scene.toml'}")
-            meshes = coupled.write(followers, result)
+            meshes = coupled.write(followers, meshes, result)
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection
         summary = collect_results(

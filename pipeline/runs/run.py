@@ -70,7 +70,7 @@ class Run:
         """
         step = BY_NAME[stage]
         numbers: dict[str, Any] = {}
-        coupled = step.coupled if self.scene.motion.source == "structure" else {}
+        coupled = step.coupled if self.scene.coupled else {}
         for section, keys in (step.sections | coupled).items():
             part = self._numbers[section]
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}

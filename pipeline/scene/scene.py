@@ -104,6 +104,16 @@ class Scene(Section):
         check_scene(self)
         return self
 
+    @property
+    def coupled(self) -> bool:
+        """Whether pressure and water make the motion together."""
+        return self.motion.source == "structure"
+
+    @property
+    def both_fingers(self) -> bool:
+        """Whether the mesh holds both fingers of a pinch, not one beside its plane of symmetry."""
+        return self.pinch is not None and self.model.kind in ("half", "full")
+
     def placed(self) -> Scene:
         """The scene with the fingers of a pinch where it hangs them; itself without a pinch."""
         if self.pinch is None:

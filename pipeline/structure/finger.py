@@ -89,7 +89,7 @@ def modelled_shapes(scene: Scene) -> States:
             f"{scene.folder / 'scene.toml'}: COUPLED=1 takes fingers with motion.source = 'fea': a"
             " rigid body does not bend, and other motions have no pressure"
         )
-    if scene.pinch is not None and scene.model.kind in ("half", "full"):
+    if scene.both_fingers:
         raise StageError(
             f"{scene.folder / 'scene.toml'}: COUPLED=1 computes one finger of a pinch, mirrored:"
             f" give model.kind = 'quarter' or '2d', not {scene.model.kind!r}"
@@ -115,7 +115,7 @@ class Posed:
         self._shape = chain.profile(at, delta[None])[0], chain.thickness(at)[0]
 
     def loads(
-        self, surface: Path, density: float, copies: int, left_alone: bool
+        self, surface: Path, density: float, copies: int, left_alone: bool = False
     ) -> tuple[FloatArray, float]:
         """Loads (slice + 1, 3) of a sampled surface: N along and across, N m; and about the root.
 

@@ -40,12 +40,11 @@ def _measured_loads(
     chain = finger.chain
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies, density = PER_FINGER[scene.model.kind], scene.fluid.density
-    both = scene.pinch is not None and scene.model.kind in ("half", "full")
     time = np.array([time for time, _ in samples])
     pressure = pressures(time)
     delta = np.zeros((len(time), chain.slices)) if turns is None else turns(time)
     found = [
-        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, copies, both)
+        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, copies, scene.both_fingers)
         for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None))
     ]
     loads = np.array([each for each, _ in found])
@@ -105,7 +104,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         return
     finger, pressures = ElasticFinger.of(scene), _pressures(kinematics)
     file = None
-    if scene.motion.source == "structure":
+    if scene.coupled:
         file = read_elastic_motion(scene.out / "run" / "elastic_motion.h5")
     turns = None if file is None else CubicSpline(file["time"].values, file["delta"].values)
     values = _measured_loads(scene, finger, pressures, turns, quiet)

@@ -68,10 +68,11 @@ def water(
     pressure: np.ndarray,
     box: Box | None = None,
 ) -> pv.UnstructuredGrid:
-    """The water with velocity (cell, 3; m/s) and pressure (cell; Pa), and by VTK's derivatives
+    """The water with its vorticity and its q, from `velocity` and `pressure` of the cells.
 
-    vorticity (1/s) and q (1/s²), half of rotation squared less strain squared (Hunt et al. 1988).
-    With a `box`: the cells whose first corner lies in it.
+    Velocity (cell, 3) in m/s, pressure (cell,) in Pa. VTK derives the vorticity (1/s) and q (1/s²),
+    half of rotation squared less strain squared (Hunt et al. 1988). With a `box`: the cells whose
+    first corner lies in it.
     """
     grid = pv.UnstructuredGrid(mesh.cells, mesh.types, points)
     grid.cell_data["velocity"] = velocity
@@ -99,8 +100,8 @@ def walls(mesh: Topology, points: np.ndarray, pressure: np.ndarray) -> pv.Unstru
 def mirror_planes(scene: Scene) -> tuple[int, ...]:
     """Normals of the planes of symmetry at which a run's water ends."""
     planes: tuple[int, ...] = (Z,) if scene.model.kind in ("half", "quarter") else ()
-    pair = scene.pinch is not None and scene.model.kind in ("quarter", "2d")
-    return planes + ((X,) if pair else ())
+    one_of_two = scene.pinch is not None and not scene.both_fingers
+    return planes + ((X,) if one_of_two else ())
 
 
 def with_mirror_image(grid: pv.UnstructuredGrid, axis: int) -> pv.UnstructuredGrid:
