@@ -81,8 +81,9 @@ def run(
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
-    others = {"another mode": len(modes) > 1, "one stage": until != "report", "--set": bool(set_),
-              "--name": bool(name), "--dry-run": dry_run, "HOSTS": hosts is not None}  # fmt: skip
+    others = {"another mode": len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
+    if not coupled:  # which is one run of its own
+        others |= {"one stage": until != "report", "--dry-run": dry_run, "HOSTS": hosts is not None}
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
     if accuracy or budget:

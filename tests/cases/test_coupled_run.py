@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fileio.errors import StageError
 from fileio.formats.elastic_motion import read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import SCHEMA
@@ -98,6 +99,13 @@ def test_the_loads_of_the_run_make_its_motion(solved):
     assert file.attrs["runs"] == 1
     assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
     assert file.attrs["open_energy"] < 0.02
+
+
+def test_other_machines_are_refused(prepared, tmp_path):
+    """The pipes at which the solver waits are on this machine, however the run was asked for."""
+    (hosts := tmp_path / "hosts.txt").write_text("node01 slots=2\n")
+    with pytest.raises(StageError, match=r"hosts\.txt: a coupled run takes this machine alone"):
+        run_stage.run(prepared, quiet=True, hosts=hosts)
 
 
 def test_killed_and_resumed_it_moves_as_an_undisturbed_run(prepared, solved, tmp_path):

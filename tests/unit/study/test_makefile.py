@@ -55,7 +55,6 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "LEVEL=smok"], "did you mean smoke?"),
         (["single_finger", "LEVEL=smoke", "NP=0"], "NP=0: give 1 or more"),
         (["single_finger", "LEVEL=smoke", "NP=two"], 'unable to convert "two"'),
-        (["single_finger.run", "COUPLED=1"], "COUPLED goes with a whole scene, not with one stage"),
         (
             ["single_finger", "COUPLED=1", "BUDGET=1min"],
             "COUPLED goes with a whole scene, not with another mode",
