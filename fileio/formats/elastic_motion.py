@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
 from fileio.schema import Schema, variables
+
+_FILE = Path("run/elastic_motion.h5")  # in a level's folder
 
 SCHEMA = Schema(
     "elastic-motion",
@@ -13,11 +21,19 @@ pressure  time  Pa  in the chambers
 delta  time, slice  rad  elastic turn of each slice against the shape without load
 contact_force  time  N  on the whole finger, away from what its tip touches
 tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
-bend_change  -  rad  by which they would turn it, at most
 open_energy  -  1  work and energy that do not match, over the pressure's work, until a contact
 moment_share  -  1  largest moment on a joint over that of the table in states.h5
 runs  -  1  solved until the check was passed
 first_order  -  1  1: the loads were continued to first order, since a mode alternated
 """),
 )
-read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write
+
+
+def write_elastic_motion(out: Path, values: Mapping[str, Any]) -> None:
+    """Write the file of a level's folder from SCHEMA's variables and attributes by name."""
+    SCHEMA.write(out / _FILE, values)
+
+
+def read_elastic_motion(out: Path) -> xr.Dataset:
+    """The file of a level's folder, loaded. StageError where it is damaged."""
+    return SCHEMA.read(out / _FILE)

@@ -91,15 +91,14 @@ def measured_table(path: Path, header: str, units: str, least: int = 3) -> tuple
 def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
     """0 before 0, 1 after 1, three times continuously differentiable.
 
-    Or its first or second derivative, or (-1) its integral.
+    Or its first derivative, or (-1) its integral.
     """
     x, beyond = np.clip(x, 0.0, 1.0), np.maximum(x - 1, 0.0)
     if derivative == -1:
         return x**5 * (7 - 14 * x + 10 * x**2 - 2.5 * x**3) + beyond
     if derivative == 0:
         return x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3)
-    rest = 1 - x
-    return 140 * x**3 * rest**3 if derivative == 1 else 420 * x**2 * rest**2 * (1 - 2 * x)
+    return 140 * x**3 * (1 - x) ** 3
 
 
 def averaged_law(times: ndarray, pressure: ndarray, span: float) -> PressureLaw:

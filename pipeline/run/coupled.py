@@ -44,7 +44,6 @@ from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import at_rest
 from pipeline.structure.water_inertia import forces_of_water
 
-MOTION = "elastic_motion.h5"  # in run/
 _RECORDS = "coupling"  # folder in case/: a file for each step
 _BEFORE = "first_run.npz"  # beside them: of a first run that failed its check
 _FRAME = 0.25  # of a time step: the displacement of an instant stands before and after it
@@ -217,14 +216,13 @@ class Coupled:
         values_of = [follower.values() for follower in followers]
         write_planform(out / "planform.h5", intervals, attributes, values_of)
         write_elastic_motion(
-            out / MOTION,
+            self.scene.out,
             {
                 "time": time,
                 "pressure": h.pressure,
                 "delta": h.delta,
                 "contact_force": self.force,
                 "tip_change": result.tip,
-                "bend_change": result.bend,
                 "open_energy": result.open_energy,
                 "moment_share": result.moment,
                 "runs": 1 if self.before is None else 2,

@@ -44,10 +44,6 @@ class Placed:
     gap: ComplexArray
     air: ComplexArray
 
-    def at(self, time: int) -> Placed:
-        """At one of several times."""
-        return Placed(**{name: values[time] for name, values in vars(self).items()})
-
 
 class Chain:
     """Joints lie on the neutral axis at points of the profile."""

@@ -116,7 +116,6 @@ class Check:
     """One evaluation of the fixed point: the motion under the loads of a run."""
 
     tip: float  # m, by which it moves the tip at most
-    bend: float  # rad, likewise
     open_energy: float  # over the pressure's work, until the first contact
     moment: float = 0.0  # the largest on a joint, over that of the bending law's table
 
@@ -153,7 +152,6 @@ def check(
     share = max(law.share(law.moment(b)) for law, b in zip(laws, bent, strict=True))
     return Check(
         float(np.hypot(*change[:, -1].T).max()),
-        float(np.abs(after[:, -1] - history.delta[:, -1]).max()),
         open_share(parts),
         share,
     )

@@ -105,7 +105,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     finger, pressures = ElasticFinger.of(scene), _pressures(kinematics)
     file = None
     if scene.coupled:
-        file = read_elastic_motion(scene.out / "run" / "elastic_motion.h5")
+        file = read_elastic_motion(scene.out)
     turns = None if file is None else CubicSpline(file["time"].values, file["delta"].values)
     values = _measured_loads(scene, finger, pressures, turns, quiet)
     values |= {"coupled": int(file is not None), "unknown": "" if finger.known else _UNKNOWN}

@@ -47,7 +47,7 @@ preset = "fast"
 
 def delta(scene):
     """Elastic rotations of a run."""
-    return read_elastic_motion(scene.out / "run" / "elastic_motion.h5")["delta"].values
+    return read_elastic_motion(scene.out)["delta"].values
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
 
 def test_the_loads_of_the_run_make_its_motion(solved):
     """The criterion of every coupled run, in one run; on this mesh it is met ten times over."""
-    file = read_elastic_motion(solved.out / "run" / "elastic_motion.h5")
+    file = read_elastic_motion(solved.out)
     assert file.attrs["runs"] == 1
     assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
     assert file.attrs["open_energy"] < 0.02

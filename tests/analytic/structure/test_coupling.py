@@ -96,9 +96,9 @@ def test_water_that_is_not_known_makes_a_mode_alternate_which_is_noticed(chain, 
 
 
 def test_a_motion_that_two_runs_do_not_reach_is_an_error():
-    check_again(Check(3e-4, 0.01, 0.01), 0.07, "scene.toml")
+    check_again(Check(3e-4, 0.01), 0.07, "scene.toml")
     with pytest.raises(ValueError, match=r"scene\.toml: the coupled motion .* 0\.35 mm and 2%"):
-        check_again(Check(4e-4, 0.01, 0.01), 0.07, "scene.toml")
+        check_again(Check(4e-4, 0.01), 0.07, "scene.toml")
 
 
 def test_the_sentence_of_a_prescribed_motion_says_where_water_would_have_it():

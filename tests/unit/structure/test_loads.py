@@ -27,7 +27,7 @@ def test_no_force_and_no_moment_is_lost():
     chain = Chain(STATES, STATES.law, STATES.width)
     pressure = np.array([2e4])
     still = np.zeros((1, chain.slices))
-    at = placed(chain.unloaded(pressure), slice(None), still).at(0)
+    at = placed(chain.unloaded(pressure), 0, still[0])
     profile, thickness = chain.profile(pressure, still)[0], chain.thickness(pressure)[0]
     points = profile[:, 0] + 1j * profile[:, 1]
     points = 0.5 * (points[1:] + points[:-1])  # between the joints
