@@ -15,12 +15,25 @@ import scipy.sparse as sp
 from numpy import ndarray
 from scipy.sparse.linalg import splu
 
+from pipeline.geometry.quality import Quality
+from pipeline.scene.sections import Mesh
+
 _GRADIENT_TOLERANCE = 1e-7  # square root of the energy still to be gained, relative to the energy
 _MAX_ITERATIONS = 60
 
 
 class MorphError(ValueError):
     """No valid mesh of this connectivity was found for a boundary."""
+
+
+def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
+    """MorphError, naming the bend, where a shape breaks mesh.max_non_orthogonality_deg."""
+    worst = quality.max_non_orthogonality_deg
+    if worst > mesh.max_non_orthogonality_deg or quality.min_area_ratio <= 0:
+        raise MorphError(
+            f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
+            f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
+        )
 
 
 def corner_triangles(triangles: ndarray, quads: ndarray) -> ndarray:

@@ -16,7 +16,7 @@ from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import Interval, write_planform
 from fileio.formats.records import MESH_QUALITY
 from pipeline.geometry.planform import Planform
-from pipeline.geometry.quality import Quality, shape_quality
+from pipeline.geometry.quality import shape_quality
 from pipeline.mesh.fixed_bodies import FixedBody, fixed_bodies
 from pipeline.mesh.intervals import (
     OVERLAP_STEPS,
@@ -26,7 +26,7 @@ from pipeline.mesh.intervals import (
     divide,
     last_move,
 )
-from pipeline.mesh.morph import MorphError
+from pipeline.mesh.morph import MorphError, check_quality
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
 from pipeline.mesh.shape_sequence import ShapeSequence, between, morph_shapes
 from pipeline.mesh.sweep_levels import graded_layers
@@ -157,16 +157,6 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
         _check_share(unusual, mesh)
 
     return _MorphedPlanform(part, planform, shapes, morph_shapes(planform, shapes, built, accept))
-
-
-def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
-    """MorphError, naming the bend, where a shape breaks mesh.max_non_orthogonality_deg."""
-    worst = quality.max_non_orthogonality_deg
-    if worst > mesh.max_non_orthogonality_deg or quality.min_area_ratio <= 0:
-        raise MorphError(
-            f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
-            f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
-        )
 
 
 def _check_share(unusual: float, mesh: Mesh) -> None:

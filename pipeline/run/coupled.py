@@ -31,8 +31,7 @@ from pipeline.geometry.quality import shape_quality
 from pipeline.kinematics.contact import gap, nearest
 from pipeline.kinematics.finger import finger_motion
 from pipeline.kinematics.values import kinematics_values, units_of
-from pipeline.mesh.morph import Morph, MorphError, corner_triangles
-from pipeline.mesh.stage import check_quality
+from pipeline.mesh.morph import Morph, MorphError, check_quality, corner_triangles
 from pipeline.mesh.wall_layers import outline_at
 from pipeline.openfoam.displacement_files import Frames, steps_of, time_name
 from pipeline.openfoam.gate import clear_gates, close_gate, open_gate
