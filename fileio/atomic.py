@@ -59,7 +59,7 @@ def whole(path: str | Path, *, suffix: bool = False, sync: bool = True) -> Itera
     check_output(path)
     part = path.with_name(f"{path.stem}.part{path.suffix}" if suffix else f"{path.name}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
-    part.unlink(missing_ok=True)  # of a killed run, or a link, whose target is not ours
+    part.unlink(missing_ok=True)  # of a killed run, or a link: its target stays as it is
     try:
         with name_in_errors(path, str(part)):
             yield part

@@ -45,7 +45,7 @@ class ResumableFile:
     def _continue(self) -> bool:
         """Open an unfinished file of this identity; False without one."""
         if self.part.is_symlink():
-            self.part.unlink()  # its target is not ours
+            self.part.unlink()  # its target stays as it is
         if not self.part.exists():
             return False
         try:

@@ -23,7 +23,7 @@ _NEEDED = (
 COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 _FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "MALLOC_")
-# glibc keeps the memory of fields, which every step takes and frees: a tenth less time at medium
+# glibc keeps the memory of fields, which every step takes and frees
 _MEMORY = {"MMAP_MAX_": "0", "TRIM_THRESHOLD_": "4294967296", "TOP_PAD_": "67108864"}
 _PACKAGED = Path("/usr/share/openfoam")  # Debian's package sets no WM_PROJECT_DIR
 

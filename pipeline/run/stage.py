@@ -100,7 +100,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             result = coupled.check()
             if not result.passes(scene.finger.length) and not coupled.before:
                 if not quiet:
-                    print(f"run: {result.describe()}: once more, from the motion found")
+                    print(f"run: {result.describe()}; a second run starts from the motion found")
                 coupled.keep_as_first()
                 (cases[0] / STATE).unlink()
                 guards = guards_of()

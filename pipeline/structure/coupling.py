@@ -3,9 +3,9 @@
 The structure carries the inertia of the water that moves with it (water_inertia.py), with the
 flow's own acceleration; the rest of the loads is taken from the steps before. That is the method of
 fictitious mass (Baek and Karniadakis, J. Comput. Phys. 231 (2012) 629), with the mass that the flow
-has. A mode with a structural mass m, added mass a and fictitious mass f is stable for
-f > (a - m) / 2 where the rest is the mean of the last two steps, and for f > (3 a - m) / 4 where it
-is continued linearly.
+has. Consider a mode with a structural mass m, an added mass a and a fictitious mass f. Where the
+rest is the mean of the last two steps, it is stable for f > (a - m) / 2. Where the rest is
+continued linearly, it is stable for f > (3 a - m) / 4.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def check_again(result: Check, length: float, where: str) -> None:
     """StageError where also the second run of a coupled motion fails its check."""
     if not result.passes(length):
         raise StageError(
-            f"{where}: the coupled motion is not reached in two runs: {result.describe()};"
-            f" {TIP_TOLERANCE * length * 1e3:.2g} mm and {ENERGY_TOLERANCE:.0%} are allowed: lower"
-            " numerics.time_step"
+            f"{where}: the coupled motion fails its check by {result.tip * 1e3:.2g} mm of the tip"
+            f" and {result.open_energy:.1%} of open energy, with {TIP_TOLERANCE * length * 1e3:.2g}"
+            f" mm and {ENERGY_TOLERANCE:.0%} allowed; lower numerics.time_step"
         )

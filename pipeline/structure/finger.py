@@ -18,13 +18,13 @@ from pipeline.structure.loads import slice_loads, surface_forces
 from pipeline.structure.motion import Surroundings, motion
 
 _GRAVITY = 9.81  # m/s²
-# of a finger in deep water, and in a plane: where no run says (docs/coupling.md)
+# by whether the flow is plane: added mass and drag where no run gives them (docs/coupling.md)
 _MODELLED = {True: (3.0, 4.0), False: (0.87, 2.2)}
 
 
 @dataclass(frozen=True)
 class ElasticFinger:
-    """A chain in its tank. `known`: whether its answer to a load is."""
+    """A chain in its tank. `known`: whether its bending stiffness is known."""
 
     chain: Chain
     chambers: PressureLaw  # Pa over time, s
