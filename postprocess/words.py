@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 PAIRS = {"cfd": "CFD", "piv": "PIV", "piv-cfd": "PIV against CFD"}
-VERDICTS = {True: "agrees", False: "differs", None: "cannot be said"}
+VERDICTS = {True: "agrees", False: "differs", None: "undecided"}
 NBSP = "\u00a0"  # keeps a number and its unit on one line
 # By SI unit: factor, the unit shown, digits after the point (None: three digits in all).
 UNITS: dict[str, tuple[float, str, int | None]] = {

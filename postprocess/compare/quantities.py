@@ -24,16 +24,10 @@ def paired(part: Part) -> pd.DataFrame:
     return tracks.within(pair, window)
 
 
-def _known_pair(part: Part) -> pd.DataFrame:
-    """Instants at which both circulations are known; ValueError at less than a third of them."""
-    pair = paired(part)
-    known = pair[pair["known"]]
-    if 3 * len(known) < len(pair):
-        raise ValueError(
-            f"{part.of}: the circulations are known to {100 * tracks.KNOWN:.0f} % at {len(known)}"
-            f" of {len(pair)} instants {part.words()}: missing vectors hide the vortex"
-        )
-    return known
+def _known_instants(part: Part) -> tuple[int, int]:
+    """At how many instants of how many both circulations are known."""
+    known = paired(part)["known"]
+    return int(known.sum()), len(known)
 
 
 def _dominant(part: Part) -> pd.DataFrame:
@@ -92,10 +86,11 @@ QUANTITIES: dict[str, Quantity] = {
         "share of instants at which the vortex is found",
     ),
     "circulation_difference": Quantity(
-        lambda p: tracks.relative_difference(_known_pair(p), "circulation"),
+        lambda p: tracks.relative_difference(paired(p).query("known"), "circulation"),
         "fraction",
         "RMS difference of circulation, over the RMS circulation of the reference, where both are"
-        " known to 5 %",
+        f" known to {tracks.KNOWN:.0%}",
+        _known_instants,
     ),
     "centre_distance": Quantity(
         lambda p: tracks.centre_distance(paired(p)),

@@ -76,22 +76,25 @@ def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
         "circulation_max_difference",
         "centre_rms_distance",
         "centre_max_distance",
+        "instants",
+        "circulation_instants",
     )
+    out: dict[str, Any] = dict.fromkeys(names)
     pair = _or_none(paired, Part(evidence, "piv-cfd", window))
-    if pair is None or not pair["known"].any():
-        return dict.fromkeys(names)
-    whole = pair
-    pair = pair[pair["known"]]
-    reference = pair["circulation_reference"]
-    signed = (pair["circulation_other"] - reference) * np.sign(reference) / reference.abs().mean()
-    numbers = (
-        tracks.relative_difference(pair, "circulation"),
-        float(signed.mean()),
-        float(signed.abs().max()),
-        tracks.centre_distance(whole),
-        float(whole["centre_distance"].max()),
-    )
-    return dict(zip(names, numbers, strict=True))
+    if pair is None:
+        return out
+    known = pair[pair["known"]]
+    out["instants"], out["circulation_instants"] = len(pair), len(known)
+    out["centre_rms_distance"] = tracks.centre_distance(pair)
+    out["centre_max_distance"] = float(pair["centre_distance"].max())
+    if len(known) >= tracks.ENOUGH * len(pair):
+        reference = known["circulation_reference"]
+        signed = (known["circulation_other"] - reference) * np.sign(reference)
+        signed /= reference.abs().mean()
+        out["circulation_rms_difference"] = tracks.relative_difference(known, "circulation")
+        out["circulation_mean_difference"] = float(signed.mean())
+        out["circulation_max_difference"] = float(signed.abs().max())
+    return out
 
 
 def _or_none(measure: Callable[[Any], Any], of: Any) -> Any:

@@ -29,7 +29,7 @@ from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
-from postprocess.evidence.tip_vortex import dominant_tracks, strengths
+from postprocess.evidence.tip_vortex import ENOUGH, KNOWN, dominant_tracks, strengths
 from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
 
@@ -44,13 +44,14 @@ _AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene without fin
 def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) -> dict[str, Any]:
     """One check: what each source measures, and whether the finding is met.
 
-    What never happens or cannot be measured is not met; of what was not run nothing is judged, nor
-    of an agreement that misses its limit by no more than the recording can resolve (`seen`).
+    What never happens or cannot be measured is not met. Nothing is judged of what was not run, of
+    what is known at too few instants, and of an agreement that misses its limit by no more than
+    the recording can resolve (`seen`); of the last two `cure` says why, and what to set.
     """
     measured: dict[str, Measured | None] = dict.fromkeys(finding.of)
     notes: list[str] = []
     absent = {of for of in finding.of if not evidence.has(of)}
-    quantity, window = QUANTITIES[finding.quantity], None
+    quantity, window, cure = QUANTITIES[finding.quantity], None, ""
     try:
         window = interval(finding.window, evidence.clock)
     except ValueError as error:
@@ -60,6 +61,17 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
             continue
         part = Part(evidence, of, window, finding.finger)
         try:
+            if quantity.known:
+                some, every = quantity.known(part)
+                if some < ENOUGH * every:
+                    absent.add(of)
+                    cure = (
+                        f"the circulation is known to {KNOWN:.0%} at {some} of {every} instants,"
+                        " because missing vectors hide the vortex; set a smaller piv.window or"
+                        " camera.scale_mm_per_px"
+                    )
+                    continue
+                notes.append(f"Judged at {some} of {every} instants.")
             value = quantity.measure(part)
             if first_not_finite(value) is not None:
                 raise ValueError(f"{finding.quantity} of {of} {part.words()} is no number")
@@ -77,8 +89,9 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
     if met is False and seen and finding.kind == "agreement" and finding.quantity in SCALED:
         wide = widened(finding, seen.factor(finding.quantity))
         if all(value is not None and is_met(wide, value) for value in measured.values()):
-            met = None
-            notes.append(f"Too coarse to say: {seen.cure}.")
+            met, cure = None, seen.cure
+    if cure:
+        notes.append(f"Undecided: {cure}.")
     return {
         **{name: getattr(finding, name) for name in _COPIED},
         "label": quantity.label,
@@ -88,6 +101,7 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
         "measured": measured,
         "met_by": judged,
         "met": met,
+        "cure": cure,
         "notes": list(dict.fromkeys(notes)),
     }
 
@@ -151,7 +165,6 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
         "verdict": _verdict(checks),
-        "resolution": {"cure": seen.cure if seen else ""},
         "checks": checks,
         "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
         "summary": summary(evidence, middle) | pinch,

@@ -65,8 +65,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Quantity:
-    """How a quantity is measured, its SI unit ("fraction", "1", or "" for a word) and its label."""
+    """How a quantity is measured, its SI unit ("fraction", "1", or "" for a word) and its label.
+
+    `known`: at how many instants of how many it can be judged; None: at all.
+    """
 
     measure: Callable[[Part], Measured]
     unit: str
     label: str
+    known: Callable[[Part], tuple[int, int]] | None = None

@@ -13,6 +13,7 @@ from postprocess.evidence.check_finite import check_table
 _REACH = 2.5  # tip widths; a vortex further off is not the tip's
 _RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
 KNOWN = 0.05  # standard uncertainty over circulation: a vortex that a wall hides is known less
+ENOUGH = 1 / 3  # of the instants; a circulation that is known at fewer is not judged
 COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 

@@ -96,7 +96,7 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
         shown = sum(check["met_by"].get("cfd") is True for check in paper)
         findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
         return (
-            f"Cannot be said: PIV was not run at level {comparison['level']}, so this page shows"
+            f"Undecided: PIV was not run at level {comparison['level']}, so this page shows"
             f" the simulation alone{findings}."
         )
     agrees = comparison["verdict"]["agrees"]
@@ -106,7 +106,7 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
     start = {
         True: f"Agrees: {subject} shows its flow",
         False: f"Differs: {subject} does not agree with it in {_failing(comparison, False)}",
-        None: f"Cannot be said in {_failing(comparison, None)}: {comparison['resolution']['cure']}",
+        None: f"Undecided in {_failing(comparison, None)}: {_cures(comparison)}",
     }[agrees]
     met = sum(check["met"] is True for check in paper)
     findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""
@@ -119,6 +119,16 @@ def _failing(comparison: dict[str, Any], met: bool | None) -> str:
     return ", ".join(dict.fromkeys(_ABOUT.get(c["quantity"], c["label"]) for c in checks))
 
 
+def _cures(comparison: dict[str, Any]) -> str:
+    """Why agreement checks are undecided, and what to set."""
+    cures = (c["cure"] for c in comparison["checks"] if c["kind"] == "agreement" and c["cure"])
+    return "; ".join(dict.fromkeys(cures))
+
+
+def _judged_at(pair: dict[str, Any]) -> str:
+    return f"{pair['circulation_instants']} of {pair['instants']} instants"
+
+
 def _numbers(comparison: dict[str, Any]) -> str:
     pair = comparison["summary"]["piv-cfd"]
     allowed = {c["quantity"]: c["value"] for c in comparison["checks"] if c["kind"] == "agreement"}
@@ -127,12 +137,14 @@ def _numbers(comparison: dict[str, Any]) -> str:
         return f" (allowed {quantity(allowed[name], unit)})" if name in allowed else ""
 
     if pair["centre_rms_distance"] is not None:
-        vortex = (
-            "the circulation of the tip vortex differs by"
-            f" {quantity(pair['circulation_rms_difference'], 'fraction')}"
-            f"{limit('circulation_difference', 'fraction')}, its centre by"
-            f" {quantity(pair['centre_rms_distance'], 'm')}{limit('centre_distance', 'm')}"
-        )
+        vortex = "the centre of the tip vortex differs"
+        if pair["circulation_rms_difference"] is not None:
+            vortex = (
+                "the circulation of the tip vortex differs by"
+                f" {quantity(pair['circulation_rms_difference'], 'fraction')}"
+                f"{limit('circulation_difference', 'fraction')} at {_judged_at(pair)}, its centre"
+            )
+        vortex += f" by {quantity(pair['centre_rms_distance'], 'm')}{limit('centre_distance', 'm')}"
     elif "cfd" in comparison["summary"]:
         vortex = "the tip vortex is not found in both"
     else:
@@ -179,13 +191,14 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     if "piv-cfd" not in summary:
         return out
     pair = summary["piv-cfd"]
-    for name, key, unit in (
-        ("difference of circulation", "circulation_{}_difference", "fraction"),
-        ("distance of the centres", "centre_{}_distance", "m"),
+    judged = f"at {_judged_at(pair)}"
+    for name, key, unit, where in (
+        ("difference of circulation", "circulation_{}_difference", "fraction", judged),
+        ("distance of the centres", "centre_{}_distance", "m", "where both find it"),
     ):
         if pair[key.format("rms")] is not None:
             worst = quantity(pair[key.format("max")], unit)
-            remark = f"RMS where both find it; worst instant {worst}"
+            remark = f"RMS {where}; worst instant {worst}"
             out.append((quantity(pair[key.format("rms")], unit), name, remark))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
     remark = "of the peak tip speed, over all vectors"

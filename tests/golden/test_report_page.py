@@ -150,12 +150,42 @@ def test_without_a_vortex_in_piv_the_comparison_says_so(tmp_path):
     assert "is not found in both" in wording.answer(result(files))
 
 
+@pytest.mark.parametrize("shown, met", [(1, None), (3, True)])
+def test_a_circulation_that_missing_vectors_hide_is_undecided(tmp_path, shown, met):
+    """Of five or more instants it is known at `shown`; what is hidden is a third too small."""
+    files = opened(copy_findings(write_case(tmp_path, spacing=0.004, frames=21)))
+    path = files.out / "vortices_piv.csv"
+    table = pd.read_csv(path, comment="#")
+    first, last = compare.compare(files)["middle_of_stroke_s"]
+    inside = table.index[(table["track"] == 3) & table["time"].between(first, last)]
+    hidden = inside[shown:]
+    table.loc[hidden, "circulation"] *= 2 / 3
+    table.loc[hidden, "circulation_std"] = 0.3 * table["circulation"].abs()
+    head = path.read_text().splitlines()[0]
+    path.write_text(f"{head}\n{table.to_csv(index=False)}")
+    checks = {c["id"]: c for c in compare.compare(files)["checks"]}
+    check, text = checks["circulation-agrees"], wording.answer(result(files))
+    assert check["met"] is met
+    assert checks["centre-agrees"]["met"] is True
+    assert "its centre by" in text if met else "centre of the tip vortex differs by" in text
+    counted = f"at {shown} of {len(inside)} instants"
+    assert counted in check["notes"][-1]
+    assert counted in text
+    start = (
+        "Agrees: " if met else "Undecided in the circulation of the tip vortex: the circulation is"
+    )
+    assert text.startswith(start)
+    remarks = {name: remark for _, name, remark in wording.tiles(result(files))}
+    assert ("difference of circulation" in remarks) is bool(met)
+    assert counted in remarks.get("difference of circulation", counted)
+
+
 def test_without_piv_nothing_is_called_agreement(without_piv):
     comparison = result(without_piv)
     assert comparison["verdict"]["agrees"] is None
     assert {c["met"] for c in comparison["checks"]} == {None}
     page = (without_piv.out / "report.html").read_text()
-    assert "Cannot be said: PIV was not run at level coarse" in page
+    assert "Undecided: PIV was not run at level coarse" in page
     assert "every picture shows the CFD alone" in page
 
 
