@@ -9,6 +9,7 @@ from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.evidence import Part, Quantity
 from postprocess.evidence.wake_trace import trace_velocity
+from postprocess.words import quantity
 
 
 def paired(part: Part) -> pd.DataFrame:
@@ -89,7 +90,7 @@ QUANTITIES: dict[str, Quantity] = {
         lambda p: tracks.relative_difference(paired(p).query("known"), "circulation"),
         "fraction",
         "RMS difference of circulation, over the RMS circulation of the reference, where both are"
-        f" known to {tracks.KNOWN:.0%}",
+        f" known to {quantity(tracks.KNOWN, 'fraction')}",
         _known_instants,
     ),
     "centre_distance": Quantity(

@@ -32,12 +32,14 @@ from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import ENOUGH, KNOWN, dominant_tracks, strengths
 from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
+from postprocess.words import quantity as quantity_text
 
 _INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
 _COPIED = (
     *("id", "kind", "finding", "figure", "quantity", "comparison"),
     *("value", "tolerance", "reason"),
 )
+_KNOWN = quantity_text(KNOWN, "fraction")
 _AGREEMENT = Path(__file__).parent / "agreement.toml"  # for a scene without findings
 
 
@@ -66,7 +68,7 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
                 if some < ENOUGH * every:
                     absent.add(of)
                     cure = (
-                        f"the circulation is known to {KNOWN:.0%} at {some} of {every} instants,"
+                        f"the circulation is known to {_KNOWN} at {some} of {every} instants,"
                         " because missing vectors hide the vortex; set a smaller piv.window or"
                         " camera.scale_mm_per_px"
                     )
