@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import xarray as xr
 
 from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
@@ -46,6 +48,17 @@ def pixel_of(attrs: Mapping[str, Any]) -> float | None:
     """Size of a pixel in the sheet (m) by the attributes of a recording or of its vectors."""
     scale = attrs.get("scale_mm_per_px")
     return None if scale is None else float(scale) * 1e-3
+
+
+def window_of(plane: xr.Dataset) -> float:
+    """Side of the correlation window in the plane's unit, from its settings; 0 where unknown."""
+    try:
+        window = float(json.loads(plane.attrs["settings"])["window"])
+    except (KeyError, TypeError, ValueError):
+        return 0.0
+    if plane["x"].attrs.get("units") == "px":
+        return window
+    return window * (pixel_of(plane.attrs) or 0.0)
 
 
 def open_recording_file(path: Path) -> h5py.File:

@@ -6,8 +6,9 @@ import argparse
 
 from fileio.formats.plane_series import read_plane
 from fileio.formats.plane_writer import write_blocks
+from fileio.formats.recording import window_of
 from piv.commands.settings import add_paths
-from piv.fields.derived import QUANTITIES, derived_blocks, window_of
+from piv.fields.derived import QUANTITIES, derived_blocks
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.vortices.criteria import SCHEMES

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +10,7 @@ import xarray as xr
 from numpy import ndarray
 
 from fileio.formats.plane_series import usable
-from fileio.formats.recording import pixel_of
+from fileio.formats.recording import window_of
 from piv.fields.blocks import blocks
 from piv.vortices.criteria import (
     Gradients,
@@ -81,17 +80,6 @@ def derived_blocks(
             if name.endswith("_std"):
                 part[name].attrs["correlation_length"] = float(length)
         yield part
-
-
-def window_of(plane: xr.Dataset) -> float:
-    """Side of the correlation window in the plane's unit, from its settings; 0 where unknown."""
-    try:
-        window = float(json.loads(plane.attrs["settings"])["window"])
-    except (KeyError, TypeError, ValueError):
-        return 0.0
-    if plane["x"].attrs.get("units") == "px":
-        return window
-    return window * (pixel_of(plane.attrs) or 0.0)
 
 
 def _of_instant(

@@ -12,7 +12,7 @@ from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
 from fileio.formats.plane_series import usable
-from piv.fields.derived import window_of
+from fileio.formats.recording import window_of
 from piv.momentum.acceleration import REACH, Flow, acceleration, time_weights
 from piv.momentum.integrate import Integral, Links, links
 from piv.momentum.outline import Shore, loads, wall_gradients

@@ -96,7 +96,7 @@ class SequenceOptions:
         return replace(self, pairing=recording.pairing)
 
 
-def _frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
+def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
     """Indices of the frames of every vector field."""
     if options.frames == 2:
         assert options.pairing is not None  # of SequenceOptions.of
@@ -135,7 +135,7 @@ def correlate_recording(
         check_images([image], options.window)
     except ValueError as error:
         raise ValueError(f"{recording.name}: {error}") from None
-    sets = _frame_sets(len(recording), sequence)
+    sets = frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     if chunk and part:
         if sequence.ensemble:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-import json
-from dataclasses import asdict, fields
+import shlex
+from dataclasses import asdict, replace
 from typing import Any, get_args, get_type_hints
 
 import matplotlib as mpl
@@ -15,9 +15,9 @@ from numpy import ndarray
 from scipy.interpolate import RegularGridInterpolator
 
 from fileio.formats.plane_series import fields_of, usable
+from fileio.formats.recording import window_of
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
-from piv.fields.derived import window_of
 from piv.fields.lines import along_line
 from piv.fields.summary import summary
 from piv.foreign.write import units_of
@@ -25,11 +25,13 @@ from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
 from piv.images.masks import polygons_mask
 from piv.images.preprocess import Preprocessor
+from piv.sequence.sequence import SequenceOptions
 from piv.view.scene import Scene, with_vorticity
 from piv.vortices.find import find_vortices
 
-FORM = ("window", "least_window", "spacing", "preset", "search", "threshold", "smoothing")
-PREPROCESS = "background=static"
+FORM = (
+    "window", "least_window", "spacing", "preset", "search", "threshold", "smoothing", "preprocess"
+)  # fmt: skip
 # of errors that are correlated by exp(-2 (d/L)²), along a line: their integral over d is this L
 CORRELATED = float(np.sqrt(np.pi / 2))
 
@@ -73,21 +75,44 @@ def _scales(scene: Scene) -> dict[str, float]:
 
 
 def _form(scene: Scene) -> list[dict[str, Any]]:
-    """Settings to try: name, help and value, that of the vectors where they have one."""
-    made = json.loads(scene.series.attrs.get("settings", "{}")) if scene.series is not None else {}
-    hints = get_type_hints(Options, include_extras=True)
-    default = asdict(Options())
-    form = [
-        {"name": f.name, "help": get_args(hints[f.name])[1], "default": default[f.name],
-         "value": made.get(f.name, default[f.name])}
-        for f in fields(Options) if f.name in FORM
-    ]  # fmt: skip
-    steps = made.get("preprocess") or [PREPROCESS]  # which leaves pictures as they are, mostly
-    form.append(
-        {"name": "preprocess", "default": PREPROCESS, "value": ",".join(steps),
-         "help": "steps with commas, such as background=min,cap=3; none = as recorded"}
-    )  # fmt: skip
-    return form
+    """Settings to try: name, help and value."""
+    return [
+        {"name": name, "help": get_args(hint)[1], "value": getattr(made, name)}
+        for made in scene.made
+        for name, hint in get_type_hints(type(made), include_extras=True).items()
+        if name in FORM
+    ]
+
+
+def _chosen(scene: Scene, settings: dict[str, Any]) -> tuple[Options, SequenceOptions]:
+    """The settings that the vectors were made with, some of them replaced."""
+    options, sequence = scene.made
+    own = {k: settings[k] for k in settings if k != "preprocess"}
+    preprocess = settings.get("preprocess", sequence.preprocess)
+    return replace(options, **own), replace(sequence, preprocess=preprocess)
+
+
+def proposal(scene: Scene, settings: dict[str, Any]) -> dict[str, str]:
+    """`flags` of `piv correlate` for the settings, and a `note` on what a try leaves out."""
+    options, sequence = _chosen(scene, settings)
+    note = ""
+    if sequence.frames > 2 or sequence.ensemble:
+        sets = "all pairs" if sequence.ensemble else f"{sequence.frames} frames"
+        note = f"tried as a pair; a field of the file is of {sets}"
+    if scene.recording is not None and sequence.pairing == scene.recording.pairing:
+        sequence = replace(sequence, pairing=None)
+    words = []
+    for chosen in (options, sequence):
+        default = asdict(type(chosen)())
+        for name, value in asdict(chosen).items():
+            flag = name.replace("_", "-")
+            if value == default[name]:
+                continue
+            if isinstance(value, bool):
+                words.append(f"--{flag}" if value else f"--no-{flag}")
+            else:
+                words += [f"--{flag}", str(value)]
+    return {"flags": shlex.join(words), "note": note}
 
 
 def field(plane: xr.Dataset) -> dict[str, Any]:
@@ -182,17 +207,17 @@ def profile(plane: xr.Dataset, line: list[list[float]]) -> dict[str, Any]:
 def tried(
     scene: Scene, step: int, settings: dict[str, Any], polygons: list[list[list[float]]]
 ) -> xr.Dataset:
-    """The vectors of the pair at a step with other settings and masks, in the scene's units."""
+    """The vectors of the pair at a step with other settings and masks, in the scene's units.
+
+    `settings` replace those that the vectors of the scene were made with.
+    """
     if scene.recording is None:
         raise ValueError("settings are tried on images; give --images RECORDING")
-    settings = dict(settings)
-    steps = [s for s in str(settings.pop("preprocess", "none")).split(",") if s not in ("", "none")]
-    if len(scene.recording) < 5:  # as of piv correlate: still images need more
-        steps = [s for s in steps if s != PREPROCESS]
+    options, sequence = _chosen(scene, settings)
     first, second = scene.frames_of(step)
     if first == second:
-        raise ValueError("the last frame has no partner; step back")
-    clean = Preprocessor(steps, scene.recording)
+        raise ValueError("one frame is no pair; give --images of a recording")
+    clean = Preprocessor(sequence.steps, scene.recording)
     masks = [clean.mask(scene.recording.mask(k)) for k in (first, second)]
     if polygons:
         shapes = [np.asarray(p, float) for p in polygons]
@@ -203,8 +228,7 @@ def tried(
         masks = [drawn if m is None else drawn | m for m in masks]
     a, b = (clean(scene.recording.frame(k)) for k in (first, second))
     known = None if masks[0] is None and masks[1] is None else tuple(masks)
-    plane = correlate_pair(a, b, mask=known, **settings)
-    plane.attrs["settings"] = json.dumps({"window": settings.get("window", Options.window)})
+    plane = correlate_pair(a, b, mask=known, **asdict(options))
     if scene.unit != "px":
         pixel, origin = scene.scale()
         times = scene.recording.times

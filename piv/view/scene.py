@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 import cv2
@@ -14,10 +15,12 @@ import xarray as xr
 from fileio.formats.plane_series import check_vectors, usable
 from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_hdf5
+from piv.correlation.options import Options
 from piv.foreign.read import open_vectors
 from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
+from piv.sequence.sequence import SequenceOptions, frame_sets
 from piv.vortices.criteria import gradients, vorticity
 
 LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out
@@ -44,19 +47,37 @@ class Scene:
         """Of the coordinates: px or m."""
         return "px" if self.series is None else str(self.series["x"].attrs.get("units", "m"))
 
+    @cached_property
+    def made(self) -> tuple[Options, SequenceOptions]:
+        """The settings that the vectors were made with; defaults where they do not state them."""
+        stated = {} if self.series is None else json.loads(self.series.attrs.get("settings", "{}"))
+        if isinstance(steps := stated.get("preprocess"), list):
+            stated["preprocess"] = ",".join(steps) or "none"
+        own, of_sets = (
+            {f.name: stated[f.name] for f in fields(kind) if f.name in stated}
+            for kind in (Options, SequenceOptions)
+        )
+        options, sequence = Options(**own), SequenceOptions(**of_sets)
+        if sequence.pairing is None and self.recording is not None:
+            sequence = replace(sequence, pairing=self.recording.pairing or PAIRINGS[0])
+        return options, sequence
+
+    @cached_property
+    def _sets(self) -> list[tuple[int, ...]]:
+        """Frames of every field, as `piv correlate` takes them."""
+        assert self.recording is not None
+        return frame_sets(len(self.recording), self.made[1])
+
     def frames_of(self, step: int) -> tuple[int, int]:
-        """The two frames of the pair at a step, by the settings that the vectors were made with."""
-        count = len(self.recording) if self.recording else 0
-        if self.series is None:
-            pairing = self.recording.pairing if self.recording else None
-            first = step - step % 2 if pairing == PAIRINGS[1] else min(step, max(count - 2, 0))
-            return first, min(first + 1, count - 1)
-        settings = json.loads(self.series.attrs.get("settings", "{}"))
-        first, apart = step * settings.get("every", 1), 1 + settings.get("skip", 0)
-        if settings.get("pairing") == PAIRINGS[1]:
-            first *= 2
-        first += (settings.get("frames", 2) - 1) // 2  # the middle of a multi-frame set
-        return min(first, count - 1), min(first + apart, count - 1)
+        """The two frames of the pair at a step, or in the middle of its multi-frame set."""
+        assert self.recording is not None
+        if len(self.recording) < 2:
+            return 0, 0
+        if self.series is None and self.made[1].pairing == PAIRINGS[1]:
+            step //= 2  # steps are frames
+        frames = self._sets[min(step, len(self._sets) - 1)]
+        middle = (len(frames) - 1) // 2
+        return frames[middle], frames[middle + 1]
 
     def frame_number(self, step: int) -> int:
         """The frame that masks of a step belong to."""

@@ -46,7 +46,7 @@ class Answers:
     def attempt(self, step: int, settings: dict[str, Any], polygons: list) -> Any:
         """The vectors of a step with other settings; measures are of them until the next step."""
         self.tried = answers.tried(self.scene, step, settings, polygons)
-        return answers.field(self.tried)
+        return answers.field(self.tried) | answers.proposal(self.scene, settings)
 
     def _shown(self, step: int) -> Any:
         return self.tried if self.tried is not None else self.scene.plane(step)
@@ -73,12 +73,12 @@ class Answers:
 def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[str], None]) -> None:
     """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address.
 
-    A request is answered only with the secret of the address in it and with a Host of this machine:
+    A request is actions only with the secret of the address in it and with a Host of this machine:
     a page of a stranger knows neither the one nor, by DNS rebinding, the other.
     """
     secret, one = secrets.token_urlsafe(16), threading.Lock()
     page = files("piv.view").joinpath("page.html").read_bytes()
-    given = Answers(scene, output)
+    actions = Answers(scene, output)
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -97,8 +97,8 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             self.end_headers()
             self.wfile.write(body)
 
-        def _asked(self) -> str | None:
-            """The name that is asked for; None, and a refusal, of a stranger."""
+        def _requested(self) -> str | None:
+            """The name in a request of the page; None, and a refusal, of a stranger."""
             parts = urlsplit(self.path).path.split("/")
             host = self.headers.get("Host", "")
             origin = self.headers.get("Origin", f"http://{host}")
@@ -114,7 +114,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             return parts[2]
 
         def do_GET(self) -> None:
-            name = self._asked()
+            name = self._requested()
             if name is None:
                 return
             if name == "":
@@ -130,7 +130,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
                 self._reply(404, b"no such thing\n", TEXT)
 
         def do_POST(self) -> None:
-            name = self._asked()
+            name = self._requested()
             if name is None:
                 return
             length = int(self.headers.get("Content-Length", 0))
@@ -141,7 +141,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             self._answer(name, json.loads(self.rfile.read(length) or b"{}"))
 
         def _answer(self, name: str, values: dict[str, Any]) -> None:
-            action = None if name.startswith("_") else getattr(given, name, None)
+            action = None if name.startswith("_") else getattr(actions, name, None)
             if not callable(action):
                 self._reply(404, b"no such thing\n", TEXT)
                 return

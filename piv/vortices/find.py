@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import xarray as xr
 from matplotlib.path import Path
 
 from fileio.formats.plane_series import MASKED, VALID, usable
+from fileio.formats.recording import window_of
 from piv.vortices.joint_fit import fit_regions
 from piv.vortices.regions import DISC, REGION_RADIUS, Measures, Plane, find_regions
 from piv.vortices.settings import VortexSettings
@@ -50,14 +49,7 @@ def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:
         return s.scale
     if "tip_width" in plane.attrs:
         return max(TIP_PART * float(plane.attrs["tip_width"]), _step(plane))
-    return window_of(plane, 4.0) / 2
-
-
-def window_of(plane: xr.Dataset, otherwise: float) -> float:
-    """Width of a PIV's interrogation window; of other planes as many grid steps as `otherwise`."""
-    made = json.loads(plane.attrs.get("settings", "{}"))
-    known = {"window", "spacing"} <= set(made)
-    return _step(plane) * (made["window"] / made["spacing"] if known else otherwise)
+    return (window_of(plane) or 4 * _step(plane)) / 2
 
 
 def _step(plane: xr.Dataset) -> float:
@@ -124,7 +116,7 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         known = np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0)
         weights.append(known if s.weights == "uncertainty" else valid.astype(float))
     u, v = (np.where(valid, q, np.nan) for q in (u, v))
-    correlated = s.correlation_length or ALIKE * window_of(plane, 1.0 / ALIKE)
+    correlated = s.correlation_length or ALIKE * window_of(plane) or _step(plane)
     errors = (noise[0], noise[1]) if len(noise) == 2 else None
     axes = plane["x"].values.astype(float), plane["y"].values.astype(float)
     return Plane(*axes, u, v, valid, lost, errors, correlated, weights[0], weights[1])

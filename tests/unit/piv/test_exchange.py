@@ -10,7 +10,8 @@ import xarray as xr
 from scipy.io import savemat
 
 from fileio.formats.plane_series import make_plane, provenance, read_plane, write_plane
-from piv.fields.derived import derived, window_of
+from fileio.formats.recording import window_of
+from piv.fields.derived import derived
 from piv.fields.statistics import statistics
 from piv.foreign.read import open_vectors, read_vectors
 from piv.foreign.write import write_vectors

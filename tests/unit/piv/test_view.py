@@ -15,11 +15,13 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from fileio.formats.plane_series import make_plane, provenance, write_plane
-from piv import open_recording, part_of_recording
+from piv import VortexSettings, open_recording, part_of_recording
+from piv.commands.correlate import make as make_vectors
 from piv.foreign.read import with_units
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import open_scene
+from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.studies.piv.particles import render
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
@@ -101,6 +103,35 @@ def test_settings_are_tried_on_the_pair_that_is_shown(folder):
     assert np.sqrt(np.mean((plane["u"].values - u)[ok] ** 2)) < 0.15  # px, of 2 px at its peak
     strongest = answers.vortices(plane)[0]
     assert strongest["circulation_fit"] == pytest.approx(GAMMA, rel=0.1)
+
+
+def test_a_try_starts_from_the_settings_of_the_file(folder, tmp_path):
+    """The same settings give the same vectors, in m, and the same scale of the vortices."""
+    own = {"window": 24.0, "spacing": 8, "epsilon": 0.3, "max_std": 0.4, "smoothing": False}
+    camera = {"scale_mm_per_px": 0.1, "interval": 0.001, "preprocess": "highpass=8"}
+    make_vectors(folder / "run", tmp_path / "m.h5", own | camera, quiet=True)
+    scene = open_scene([str(tmp_path / "m.h5")], [str(folder / "run")])
+    plane, again = scene.plane(1), answers.tried(scene, 1, {}, [])
+    np.testing.assert_allclose(again["u"], plane["u"], rtol=1e-6)
+    made = json.loads(again.attrs["settings"])
+    assert {name: made[name] for name in own} == own
+    assert scale_of(again, VortexSettings()) == pytest.approx(1.2e-3)  # half the window of 24 px
+    assert scale_of(plane, VortexSettings()) == pytest.approx(1.2e-3)
+    assert answers.proposal(scene, {"window": 32}) == {
+        "flags": "--no-smoothing --epsilon 0.3 --max-std 0.4 --preprocess highpass=8",
+        "note": "",
+    }
+    assert {f["name"]: f["value"] for f in answers.about(scene, "")["form"]}["window"] == 24
+
+
+def test_a_try_of_a_set_of_frames_is_of_a_pair_and_says_so(folder, tmp_path):
+    sets = {"frames": 3, "pairing": "1-2,2-3", "every": 2, "preset": "fast"}
+    make_vectors(folder / "run", tmp_path / "m.h5", sets, quiet=True)
+    scene = open_scene([str(tmp_path / "m.h5")], [str(folder / "run")])
+    assert [scene.frames_of(k) for k in range(scene.count)] == [(1, 2), (3, 4)]
+    found = answers.proposal(scene, {"preset": "balanced"})
+    assert "--pairing 1-2,2-3 --every 2 --frames 3" in found["flags"]  # names state 1-2,3-4
+    assert found["note"] == "tried as a pair; a field of the file is of 3 frames"
 
 
 def test_what_is_drawn_is_read_by_correlate(folder, tmp_path):
