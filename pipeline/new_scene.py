@@ -18,7 +18,7 @@ from pipeline.fea.sections import sections
 from pipeline.kinematics.pressure_law import measured_law, measured_table
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
-from pipeline.runs.stages import STAGES
+from pipeline.runs.stages import FEA, STAGES
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import read_layers
 from pipeline.scene.scene import Scene, load_scene
@@ -33,7 +33,6 @@ _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _TIP_PER_BEND = 0.6  # of the length: way of the tip while the finger bends by 1 rad
 _STEP_SPEED = 0.35  # m/s, for which the levels' time steps were chosen
-_SECONDS_PER_STATE = 3.0
 _WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
 _LEVELS = ("smoke", "draft", "coarse")
 
@@ -81,6 +80,8 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     low, high = math.floor(pressure.min() / 1e3 / step), math.ceil(pressure.max() / 1e3 / step)
     values = {
         "parent": os.path.relpath(parent, folder),
+        "parent_name": shipped.folder.resolve().name,
+        "smoothing": SMOOTHING,
         "title": folder.name.replace("_", " ").capitalize(),
         "tank": [float(x) for x in own.tank],
         **_placed(own),
@@ -146,7 +147,8 @@ def _of_levels(own: Own, shipped: Scene, chambers: int, end: float) -> str:
     parts = 2 ** math.ceil(math.log2(max(speed / _STEP_SPEED, 1.0)))
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
     text = ""
-    for level in read_layers(shipped.folder / "scene.toml")[-1].levels:
+    layers = read_layers(shipped.folder / "scene.toml")
+    for level in dict.fromkeys(name for layer in layers for name in layer.levels):
         scene, keys = load_scene(shipped.folder, level), ""
         if parts > 1:
             keys += (
@@ -159,7 +161,7 @@ def _of_levels(own: Own, shipped: Scene, chambers: int, end: float) -> str:
 
 
 _TEXT = """\
-# Written by softfinger new. It holds what differs from single_finger (all keys:
+# Written by softfinger new. It holds what differs from {parent_name} (all keys:
 # docs/scene_reference.md). "Assumed" marks what was not given: check it against yours.
 extends = "{parent}"
 title = "{title}"
@@ -188,27 +190,26 @@ pressure_step_kpa = {step}
 uncertainty = false  # true: six more analyses, for a band around the bending radius
 
 [motion]
-pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing: 0.04 s
+pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing: {smoothing} s
 end_time = {end}  # s: when the smoothed pressure has arrived
 
 # Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
-# and scale_mm_per_px state a view. Model, mesh, time steps and PIV are single_finger's.
+# and scale_mm_per_px state a view. Model, mesh, time steps and PIV are {parent_name}'s.
 {levels}"""
 
 
 def advice(scene: Scene) -> str:
     """What to do next, with predicted times and sizes; nothing has been analysed yet."""
     folder = scene.folder
-    _, fea = sections(scene)
     in_cases = folder.parent.resolve() == Path("cases").resolve()
     what = f"SCENE={folder.name}" if in_cases else str(folder)
+    runs = [open_run(folder, level) for level in _LEVELS]
     lines = [
         f"{folder / 'scene.toml'}: look at what it assumes, then",
         f"{f'make fea {what}' if in_cases else f'softfinger fea {what}':40s}"
-        f" about {duration(_SECONDS_PER_STATE * len(fea.pressures))}",
+        f" about {duration(estimate(runs[0], FEA.name)[0])}",
     ]
-    for level in _LEVELS:
-        run = open_run(folder, level)
+    for level, run in zip(_LEVELS, runs, strict=True):
         size = predicted(run.scene)
         seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
         command = f"make {folder.name}" if in_cases else f"softfinger run {folder}"

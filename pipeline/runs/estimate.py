@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from fileio.record import read_record
+from pipeline.fea.sections import sections
 from pipeline.runs.run import Run
-from pipeline.runs.stages import BY_NAME
+from pipeline.runs.stages import BY_NAME, FEA
 from pipeline.scene.predicted import predicted
 
 _SCALE = {
-    "smoke": 0.15,
+    "smoke": 0.25,
     "draft": 0.5,
     "medium": 2.0,
     "fine": 4.0,
     "reference": 8.0,
 }  # relative to coarse
+_UNCERTAIN_STATES = 72  # of fea.uncertainty: six analyses at twelve pressures
 
 
 def estimate(run: Run, stage: str) -> tuple[float, float]:
@@ -22,6 +24,9 @@ def estimate(run: Run, stage: str) -> tuple[float, float]:
     if record is not None:
         return float(record["cpu_time"]), record["peak_memory"] / 1e6
     seconds, memory = BY_NAME[stage].cost
+    if stage == FEA.name:
+        fea = sections(run.scene)[1]
+        return seconds * (len(fea.pressures) + _UNCERTAIN_STATES * fea.uncertainty), memory
     scale = _SCALE.get(run.scene.level, 1.0)
     if BY_NAME[stage].ranks:
         size = predicted(run.scene)

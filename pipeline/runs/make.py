@@ -229,7 +229,8 @@ def _cost(wall_time: float, earlier: Spent) -> dict[str, Any]:
 def _expected(run: Run, stage: str, machine: Machine) -> float:
     """Expected wall time of a stage, s."""
     step = BY_NAME[stage]
-    return estimate(run, stage)[0] / (machine.ranks if step.ranks else 1)
+    processes = machine.ranks if step.ranks else machine.jobs if step.threads else 1
+    return estimate(run, stage)[0] / processes
 
 
 def _start(run: Run, stage: str, machine: Machine) -> _Job:

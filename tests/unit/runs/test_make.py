@@ -16,8 +16,9 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.lock import exclusive
 from fileio.record import read_record, record_path, write_record
-from pipeline.runs.make import LOG, Machine, make, make_stage
+from pipeline.runs.make import LOG, Machine, _expected, make, make_stage
 from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import STAGES
 from tests.conftest import ROOT, write_scene
 
 ONE = Machine()
@@ -54,6 +55,14 @@ def test_record_says_what_a_stage_cost_and_wrote(run: Run) -> None:
     assert record["wall_time"] > 0
     assert record["cpu_time"] > 0
     assert record["peak_memory"] > 1e7  # bytes: no Python with numpy takes less than 10 MB
+
+
+@pytest.mark.parametrize("level, measured", [("smoke", 41), ("coarse", 212)])
+def test_first_estimate_is_near_the_time_that_a_fresh_clone_took(tmp_path, level, measured):
+    """Measured 2026-11-24 on two cores with two ranks, s; other machines differ by more."""
+    run = open_run(ROOT / "cases" / "single_finger", level, {}, tmp_path)
+    expected = sum(_expected(run, stage.name, Machine(2, 2)) for stage in STAGES)
+    assert measured / 1.3 < expected < 1.3 * measured
 
 
 def test_reason_names_the_key_and_both_values(run: Run) -> None:

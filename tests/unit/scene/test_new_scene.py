@@ -84,3 +84,16 @@ def test_lengths_have_a_unit():
     for text in ("50", "0mm", "-5mm", "1.2.3mm", "fifty", ""):
         with pytest.raises(StageError, match=r"--length .*: give 50mm"):
             lengths(text, "--length", 1)
+
+
+def test_a_parent_without_levels_of_its_own_gives_its_parents_levels(tmp_path):
+    parent = ROOT / "cases" / "single_deflate"
+    (tmp_path / "p.csv").write_text("t,p\n0,0\n0.05,30000\n")
+    own = Own(0.05, 0.02, tmp_path / "p.csv", (0.4, 0.25, 0.08))
+    scene = write_scene(tmp_path / "mine", own, parent)
+    shipped = load_scene(parent)
+    assert scene.numerics.time_step < 0.6 * shipped.numerics.time_step
+    assert scene.mesh.far_cell == 0.02 < shipped.mesh.far_cell
+    text = (scene.folder / "scene.toml").read_text()
+    assert "PIV are single_deflate's" in text
+    assert "differs from single_deflate" in text
