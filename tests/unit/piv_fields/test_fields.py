@@ -227,7 +227,7 @@ def long_file(tmp_path, monkeypatch):
 
 
 def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
-    """Peak of the Python heap for 100 and 300 instants: the same but for the time axis."""
+    """Peak of the Python heap for 50 and 150 instants: the same but for the time axis."""
 
     def peak(path, work):
         with read_plane(path) as plane:
@@ -238,15 +238,15 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
             tracemalloc.stop()
         return peak_bytes
 
-    short, long = long_file(100), long_file(300)
-    size = 300 * XX.size * 8  # of one variable of the longer file
+    short, long = long_file(50), long_file(150)
+    size = 150 * XX.size * 8  # of one variable of the longer file
     for work in (
         statistics,
         lambda p: write_blocks(derived_blocks(p), tmp_path / "d.h5", p),
         lambda p: [None for _ in along_line(p, (0.0, 0.0), (0.02, 0.01))],
         lambda p: space_spectrum(p, "x"),
     ):
-        # one variable of the added 200 instants would take 0.67; statistics add a level of batch
+        # one variable of the added 100 instants would take 0.67; statistics add a level of batch
         # means with each doubling of the time
         assert peak(long, work) - peak(short, work) < 0.5 * size
 
