@@ -93,7 +93,8 @@ def run(
     elif slurm:
         from pipeline.study.plan import plan_scene
 
-        _snakemake(plan_scene(scene, level, ranks), slurm=True, collated=collated)
+        if code := _snakemake(plan_scene(scene, level, ranks), slurm=True, collated=collated):
+            raise SystemExit(code)
         made = _open(scene, level)
     else:
         made = _coupled(scene, level) if coupled else _open(scene, level, set_, name)

@@ -34,6 +34,7 @@ from pipeline.openfoam.covering_columns import covering_cells
 from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
 from pipeline.openfoam.gate import add_gate
+from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 
 SYMMETRIC = ("half", "quarter")
@@ -96,7 +97,7 @@ def obstacles_text(names: list[str]) -> str:
     return "".join(
         ["// The forces on [[obstacle]] of scene.toml; written by the case stage.\n"]
         + [
-            f'{name}Forces\n{{\n    type forces; libs ("libforces.so"); patches ({name});\n'
+            f'{forces_name(name)}\n{{\n    type forces; libs ("libforces.so"); patches ({name});\n'
             "    rho rhoInf; rhoInf $density; CofR $momentPoint;\n"
             "    writeControl timeStep; writeInterval 1; log no;\n}\n"
             for name in names
@@ -211,7 +212,7 @@ def write_case(
         (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
     write_text(folder / "system" / "numbers", numbers_text(entries))
     write_text(folder / "system" / "regions", regions_text(kind))
-    walls = [name for name, _, _ in mesh.patches if name.startswith("obstacle")]
+    walls = [name for name, _, _ in mesh.patches if name in OBSTACLE_PATCHES]
     write_text(folder / "system" / "obstacles", obstacles_text(walls))
     faces, cells = zones(mesh, planform)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)

@@ -20,7 +20,7 @@ from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
 from pipeline.runs.stages import FEA, STAGES
 from pipeline.scene.predicted import predicted
-from pipeline.scene.read_toml import read_layers
+from pipeline.scene.read_toml import command, read_layers
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.scene.sections import SMOOTHING
 
@@ -201,21 +201,19 @@ end_time = {end}  # s: when the smoothed pressure has arrived
 def advice(scene: Scene) -> str:
     """What to do next, with predicted times and sizes; nothing has been analysed yet."""
     folder = scene.folder
-    in_cases = folder.parent.resolve() == Path("cases").resolve()
-    what = f"SCENE={folder.name}" if in_cases else str(folder)
+    in_cases = command("fea", folder).startswith("make")
     runs = [open_run(folder, level) for level in _LEVELS]
     lines = [
         f"{folder / 'scene.toml'}: look at what it assumes, then",
-        f"{f'make fea {what}' if in_cases else f'softfinger fea {what}':40s}"
-        f" about {duration(estimate(runs[0], FEA.name)[0])}",
+        f"{command('fea', folder):40s} about {duration(estimate(runs[0], FEA.name)[0])}",
     ]
     for level, run in zip(_LEVELS, runs, strict=True):
         size = predicted(run.scene)
         seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
-        command = f"make {folder.name}" if in_cases else f"softfinger run {folder}"
-        command += f" LEVEL={level}" if in_cases else f" --level {level}"
+        made = f"make {folder.name} LEVEL={level}"
+        made = made if in_cases else f"softfinger run {folder} --level {level}"
         lines.append(
-            f"{command:40s} about {duration(seconds)}, {size.cells:.1g} cells,"
+            f"{made:40s} about {duration(seconds)}, {size.cells:.1g} cells,"
             f" {size.disk / 1e9:.1g} GB of disk{', 2-D: to try' if level == 'smoke' else ''}"
         )
     return "\n".join(lines)

@@ -11,7 +11,7 @@ from fileio.errors import StageError
 from fileio.formats.bending_states import read
 from fileio.json_text import flat
 from pipeline.fea.sections import check_length, sections
-from pipeline.scene.read_toml import merge, read_layers
+from pipeline.scene.read_toml import command, merge, read_layers
 from pipeline.scene.scene import Scene
 
 _NOT_OF_THE_STATES = {"uncertainty", "partial", "under_load"}  # keys of [fea] on their accuracy
@@ -51,10 +51,8 @@ def _remedy(scene: Scene, path: Path) -> str:
         table = merge(table, layer.base)
     same = owner == scene.folder or table.get("actuator") == scene.actuator
     folder = owner if same else scene.folder
-    in_cases = folder.parent.name == "cases"
-    command = f"make fea SCENE={folder.name}" if in_cases else f"softfinger fea {folder}"
     own = "it anew" if same else "this scene's own"
-    return f"analyse {own} with {command}"
+    return f"analyse {own} with {command('fea', folder)}"
 
 
 def _provenance(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from pipeline.geometry.quality import planform_edges
 from pipeline.openfoam.foamfile import END, header, write_bytes, write_list
-from pipeline.scene.obstacle import MOST_OBSTACLES, patch_name
+from pipeline.scene.obstacle import OBSTACLE_PATCHES
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,7 @@ def sweep_mesh(sweep: Sweep, side_of_edge: ndarray) -> PolyMesh:
 # Walls and bottom; free surface; symmetry plane between two fingers; gap at the waterline, which
 # takes up the volume by which a finger swells, as the rigid lid cannot rise.
 OUTER_PATCHES = ("tank", "top", "mirror", "gap")
-_OBSTACLES = tuple(patch_name(number) for number in range(MOST_OBSTACLES))
-BODY_PATCHES = ("finger", "mirrored_finger", "object", "support", *_OBSTACLES)
+BODY_PATCHES = ("finger", "mirrored_finger", "object", "support", *OBSTACLE_PATCHES)
 _PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 
 

@@ -60,22 +60,16 @@ def following(scene: Scene) -> dict[str, Any]:
     room = np.maximum(0.0, np.minimum(_ROOM * length, 0.5 * (size - last + first)))
     # a small picture leaves out the root
     middle = np.clip(middle, last + room - 0.5 * size, first - room + 0.5 * size)
-    values: dict[str, dict[str, Any]] = {
-        "camera": {
-            "centre": [round(float(x), 4) for x in middle],
-            "scale_mm_per_px": scale,
-        },
-        "sheet": {"spacing": round(_SPACING_PX * scale * 1e-3, 7)},
-        "vortices": {
-            "min_circulation": _rounded_up(_LEAST_CIRCULATION * path.speed * length),
-        },
+    values: dict[str, Any] = {
+        "camera.scale_mm_per_px": scale,
+        "sheet.spacing": round(_SPACING_PX * scale * 1e-3, 7),
+        "vortices.min_circulation": _rounded_up(_LEAST_CIRCULATION * path.speed * length),
     }
-    return {
-        f"{name}.{key}": value
-        for name, table in values.items()
-        for key, value in table.items()
-        if key == "centre" or key not in getattr(scene, name).model_fields_set
-    }
+    for name in list(values):
+        section, key = name.split(".")
+        if key in getattr(scene, section).model_fields_set:
+            del values[name]
+    return {"camera.centre": [round(float(x), 4) for x in middle]} | values
 
 
 def unseen_tip(camera: Camera, tip: ndarray) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy import ndarray
 
-from pipeline.scene.obstacle import Obstacle, patch_name
+from pipeline.scene.obstacle import OBSTACLE_PATCHES, Obstacle
 from pipeline.scene.pinch import Pinch, Support
 
 _CIRCLE_POINTS = 720  # of a full circle, before nodes are spread over it
@@ -54,9 +54,9 @@ def fixed_bodies(
         low = support.bottom
         block = _block(0.5 * width, low, low + height, mirror)
         bodies.append(FixedBody("support", block, 0.5 * depth))
-    for number, obstacle in enumerate(obstacles):
+    for name, obstacle in zip(OBSTACLE_PATCHES, obstacles, strict=False):
         reach = obstacle.half_depth(2 * float(np.abs(levels).max()))
-        bodies.append(FixedBody(patch_name(number), obstacle.pieces, reach))
+        bodies.append(FixedBody(name, obstacle.pieces, reach))
     thing = pinch.object if pinch is not None else None
     if thing is not None:
         radius, middle = 0.5 * thing.diameter, thing.centre_height

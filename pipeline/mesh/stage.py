@@ -30,6 +30,7 @@ from pipeline.mesh.morph import MorphError, check_quality
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
 from pipeline.mesh.shape_sequence import ShapeSequence, between, morph_shapes
 from pipeline.mesh.sweep_levels import graded_layers
+from pipeline.scene.obstacle import OBSTACLE_PATCHES
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
 
@@ -81,7 +82,7 @@ def _setting_of(
     motion = kinematics.law(time_step * np.arange(round(kinematics.time[1] / time_step) + 1))
     outlines = shapely.linearrings(shapes.outline)
     gap, jet = np.full(len(shapes.bend), np.inf), np.empty((0, 2))
-    if obstacles := [body.polygon for body in bodies if body.name.startswith("obstacle")]:
+    if obstacles := [body.polygon for body in bodies if body.name in OBSTACLE_PATCHES]:
         gap = shapely.distance(outlines, shapely.union_all(obstacles))
     if kinematics.mirror:
         plane = shapely.LineString([(0.0, 0.0), (0.0, tank.water_depth)])
@@ -108,7 +109,7 @@ def _check_clearance(
     rings = shapely.linearrings(outlines)
     for body in bodies:
         clear = float(shapely.distance(rings, body.polygon).min())
-        if body.name.startswith("obstacle") and clear < least:
+        if body.name in OBSTACLE_PATCHES and clear < least:
             raise StageError(
                 f"{where}: {body.name} is {clear * 1e3:.2g} mm from the finger at its nearest, too"
                 f" little to mesh; move it by {(least - clear) * 1e3:.2g} mm"

@@ -17,6 +17,7 @@ from pipeline.run.checkpoint import LOG
 from pipeline.run.guards import Budget, energy_from_nothing
 from pipeline.run.map_fields import field_mappings
 from pipeline.run.power import power_balance, power_rows, term_rows
+from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.sections import Fluid
 
 
@@ -100,8 +101,8 @@ def collect_results(
     HISTORY.write(folder / "run" / "history.csv", log)
     FORCES.write(folder / "run" / "forces.csv", _joined(meshes, force))
     for wall in meshes[0].planform["body_name"].values:
-        if str(wall).startswith("obstacle"):
-            tables = [_forces(case, per_finger, f"{wall}Forces") for case in cases]
+        if wall in OBSTACLE_PATCHES:
+            tables = [_forces(case, per_finger, forces_name(wall)) for case in cases]
             FORCES.write(folder / "run" / f"forces_{wall}.csv", _joined(meshes, tables))
     quality = _mesh_quality(folder / "mesh_quality.csv")
     parts = [power_rows(case, fluid, copies) for case in cases]

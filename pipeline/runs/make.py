@@ -131,6 +131,8 @@ def make(
                 for job in _finished(running, tell):
                     running.remove(job)
                     failed = failed or (job if job.ended and job.ended[0] else None)
+                    if job.stage == "kinematics" and failed is None:
+                        run.check(target)  # the tip of an analysed or coupled motion in view
         except BaseException:
             for job in running:  # they clean up; Ctrl-C has reached them too
                 job.process.join(_TIDY)

@@ -14,6 +14,7 @@ from typing import Any
 
 from fileio.atomic import sha256
 from fileio.errors import StageError
+from fileio.formats.kinematics import read_kinematics
 from fileio.json_text import flat
 from fileio.lock import exclusive
 from fileio.provenance import digest
@@ -134,7 +135,7 @@ class Run:
         return None
 
     def check(self, target: str) -> None:
-        """StageError where the bending states are those of another actuator, or not this run's."""
+        """StageError where the states are of another actuator, or the tip leaves the picture."""
         if target == FEA.name and not self.analysed:
             raise StageError(
                 "fea: this run has the actuator of its scene; use softfinger fea, or --set a key"
@@ -147,9 +148,13 @@ class Run:
 
     def _check_view(self) -> None:
         """StageError where the tip leaves the camera's picture, or its path is not known."""
-        if self.analysed and self.scene.camera.centre is not None:
-            return  # the stage sheet checks it, once the states are there
-        if why := unseen_tip(self.scene.camera, tip_path(self.scene).places):
+        if self.why_stale("kinematics") is None:  # its motion is nearer to that of the run
+            tip = read_kinematics(self.path("kinematics")).data["shape_tip"].values
+        elif self.analysed and self.scene.camera.centre is not None:
+            return  # the states are not there yet
+        else:
+            tip = tip_path(self.scene).places
+        if why := unseen_tip(self.scene.camera, tip):
             # a finger that leaves the water leaves the picture, too: no other camera would help
             try:
                 kinematics_values(self.scene)

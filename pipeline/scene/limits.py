@@ -244,7 +244,7 @@ def _check_pictures(scene: Any) -> None:
 
 
 def _check_fields(scene: Any) -> None:
-    """The number of PIV's vector fields, as piv.sequence takes them of the camera's frames."""
+    """The number of PIV's vector fields."""
     camera, sheet, piv = scene.camera, scene.sheet, scene.piv
     rate = camera.frame_rate_hz or sheet.rate_hz
     slow = f"fewer frames than one in {_LONGEST_INTERVAL} pictures of the sheet"
@@ -252,16 +252,22 @@ def _check_fields(scene: Any) -> None:
     step = scene.numerics.time_step
     pictures = round(scene.motion.end_time / step) // scene.numerics.sampling_steps(sheet.rate_hz)
     frames = math.floor((pictures - 1) / sheet.rate_hz * rate + 1e-6) + 1
-    every = camera.pairs_every
-    pairs = frames // every + (frames % every > 1) if every > 1 else frames - piv.frames + 1
-    fields = -(-pairs // piv.every)
+    fields = field_count(frames, camera.pairs_every, piv.frames, piv.every)
     if fields < _FEWEST_FIELDS:
         raise ValueError(
-            f"the camera takes {frames} frames, of which camera.pairs_every = {every}, piv.frames ="
-            f" {piv.frames} and piv.every = {piv.every} make {max(fields, 0)} vector fields, fewer"
-            f" than {_FEWEST_FIELDS}; lower these, raise sheet.rate_hz = {sheet.rate_hz:g}, or"
-            " give a later motion.end_time"
+            f"the camera takes {frames} frames, of which camera.pairs_every ="
+            f" {camera.pairs_every}, piv.frames = {piv.frames} and piv.every = {piv.every} make"
+            f" {fields} vector fields, fewer than {_FEWEST_FIELDS}; lower these, raise"
+            f" sheet.rate_hz = {sheet.rate_hz:g}, or give a later motion.end_time"
         )
+
+
+def field_count(frames: int, pairs_every: int, in_set: int, every: int) -> int:
+    """Vector fields of a camera's frames: the sets of piv.sequence, without its imports."""
+    pairs = frames - in_set + 1
+    if pairs_every > 1:
+        pairs = frames // pairs_every + (frames % pairs_every > 1)
+    return max(0, -(-pairs // every))
 
 
 def _check_sizes(scene: Any) -> None:

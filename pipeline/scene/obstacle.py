@@ -77,9 +77,13 @@ class Obstacle(Section):
         return 0.5 * (self.depth or tank_depth)
 
 
-def patch_name(number: int) -> str:
-    """The wall of the obstacle `number`, counted from 0."""
-    return f"obstacle_{number + 1}"
+# the walls of the obstacles, in order
+OBSTACLE_PATCHES = tuple(f"obstacle_{number + 1}" for number in range(MOST_OBSTACLES))
+
+
+def forces_name(patch: str) -> str:
+    """OpenFOAM's function object that samples the forces on an obstacle."""
+    return f"{patch}Forces"
 
 
 def check_obstacles(scene: Any) -> None:

@@ -17,13 +17,21 @@ _REPLACED = {"parameters"}  # of a material's law: those of another law would be
 # of [motion]: a key that is not empty replaces the others
 _HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pressure_csv"}}
 # of a parent's finger and motion: they follow from those of a child that has others
-_FOLLOWING = {
-    "camera": ("centre", "scale_mm_per_px"),
-    "sheet": ("spacing",),
-    "vortices": ("min_circulation",),
-}
+_FOLLOWING = (
+    ("camera", "centre"),
+    ("camera", "scale_mm_per_px"),
+    ("sheet", "spacing"),
+    ("vortices", "min_circulation"),
+)
 _MOVING = {"tank", "finger", "motion", "actuator", "pinch"}
 OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they replace a parent's
+
+
+def command(name: str, folder: Path) -> str:
+    """A command on a scene: make's where the folder lies in cases/, else the program's."""
+    if folder.resolve().parent.name == "cases":
+        return f"make {name} SCENE={folder.resolve().name}"
+    return f"softfinger {name} {folder}"
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -114,11 +122,12 @@ def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, 
 
 def _without_view(table: dict[str, Any]) -> dict[str, Any]:
     """The tables without the keys of the measurement that follow from the motion."""
-    kept = dict(table)
-    for name, keys in _FOLLOWING.items():
-        if isinstance(kept.get(name), dict):
-            kept[name] = {k: v for k, v in kept[name].items() if k not in keys}
-    return kept
+    return {
+        name: {key: v for key, v in part.items() if (name, key) not in _FOLLOWING}
+        if isinstance(part, dict)
+        else part
+        for name, part in table.items()
+    }
 
 
 def _level_chain(layers: list[Layer], level: str) -> list[str]:

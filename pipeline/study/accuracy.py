@@ -17,6 +17,7 @@ from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME, STAGES, until
+from pipeline.scene.read_toml import command
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.study.machine_speed import probe
 from pipeline.study.rows import Row, parse_cell, read_study
@@ -63,10 +64,12 @@ def results_of(scene: Scene) -> tuple[Path, str]:
                 f"warning: the errors were measured on {home.resolve().name}, a scene like it",
             )
         why = f"those of {home.resolve().name} are of another motion ({', '.join(apart)})"
-    name = scene.folder.resolve().name
+    try:
+        cost = f", about {duration(_study_time(scene))} of CPU time"
+    except StageError as error:  # no table of runs, or a level of it is not this scene's
+        cost = f": {error}"
     raise StageError(
-        f"{scene.folder}: {why}; measure its own with make tradeoff SCENE={name},"
-        f" {_study_time(scene)}"
+        f"{scene.folder}: {why}; measure its own with {command('tradeoff', scene.folder)}{cost}"
     )
 
 
@@ -95,13 +98,14 @@ def study_table(scene: Scene) -> Path:
     )
 
 
-def _study_time(scene: Scene) -> str:
-    """The predicted time of the study."""
-    out, seconds = scene.folder / "out" / "studies" / "tradeoff", 0.0
+def _study_time(scene: Scene) -> float:
+    """The predicted CPU time of the study, s; equal stages count once."""
+    out, seconds = scene.folder / "out" / "studies" / "tradeoff", dict[str, float]()
     for row in read_study(study_table(scene)):
-        run = Run(load_scene(scene.folder, row.level, row.overrides, out / row.run))
-        seconds += sum(estimate(run, stage.name)[0] for stage in until(row.until))
-    return f"about {duration(seconds)} of CPU time"
+        run = open_run(scene.folder, row.level, row.overrides, out / row.run)
+        for stage in until(row.until):
+            seconds[run.digest(stage.name)] = estimate(run, stage.name)[0]
+    return sum(seconds.values())
 
 
 def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
@@ -111,7 +115,7 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
     reference of the errors), and `best_error`, its own error, where it was estimated.
     """
     lines = path.read_text(encoding="utf-8").splitlines()
-    remedy = f"make it anew with make tradeoff SCENE={path.parents[2].name}"
+    remedy = f"make it anew with {command('tradeoff', path.parents[2])}"
     head: dict[str, Any] = next(
         (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
     )

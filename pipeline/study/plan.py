@@ -80,7 +80,10 @@ def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = Fa
     if stage == OUTCOME:
         write_outcome(about, machine)
     else:
-        make_stage(run_of(about), stage, machine, quiet=True)
+        run = run_of(about)
+        if stage == "mesh":
+            run.check(about["until"])  # once the motion is known
+        make_stage(run, stage, machine, quiet=True)
 
 
 def describe(home: Path, study: str, row: Row, compared: bool = False) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import pyvista as pv
 import vtk
 import xarray as xr
 
+from pipeline.geometry.sweep import BODY_PATCHES
 from pipeline.openfoam.polymesh_files import Faces
 from pipeline.scene.scene import Scene
 
@@ -44,11 +45,7 @@ def topology(planform: xr.Dataset, sweep: xr.Dataset, faces: Faces) -> Topology:
     corners = np.hstack([low, high])
     corners[wedge, 3:6] = high[wedge, :3]
     types = np.where(wedge, pv.CellType.WEDGE, pv.CellType.HEXAHEDRON).astype(np.uint8)
-    bodies = [
-        k
-        for name, k in faces.patches.items()
-        if name.endswith("finger") or name.startswith(("object", "support", "obstacle"))
-    ]
+    bodies = [k for name, k in faces.patches.items() if name in BODY_PATCHES]
     members = np.concatenate([np.arange(part.start, part.stop) for part in bodies])
     wall = faces.corners[members]
     points, wall_corners = np.unique(wall, return_inverse=True)

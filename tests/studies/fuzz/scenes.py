@@ -9,6 +9,7 @@ import argparse
 import json
 import math
 import shutil
+import signal
 import tempfile
 import time
 import traceback
@@ -16,7 +17,7 @@ import types
 import typing
 import warnings
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "r
 STAGES = list(STAGE_OF)
 PART = 50  # scenes in a process
 LONGEST = 10.0  # s
+LONGEST_RUN = 900  # s of a solver's run
 LONGEST_SENTENCE = 700  # characters
 FAR = [
     0.0, -0.0, 1.0, -1.0, 1e-12, 1e-6, 1e-3, 1e3, 1e6, 1e12, -1e12, 5e-324, 1e308,
@@ -161,6 +163,10 @@ def _scene_text(parent: str, table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _too_long(*_: Any) -> None:
+    raise AssertionError(f"a stage is not over after {LONGEST_RUN} s")
+
+
 def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
     """`accepted`, `warned`, `refused` or `stopped` by the solver, and the sentence that says why.
 
@@ -169,6 +175,7 @@ def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
     shutil.rmtree(folder, ignore_errors=True)
     write_text(folder / "scene.toml", text)
     begin, stage = time.process_time(), STAGES[0]
+    signal.signal(signal.SIGALRM, _too_long)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
@@ -181,6 +188,7 @@ def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
             assert size.disk <= MAX_DISK, size
             assert size.cpu <= MAX_CPU, size
             for stage in STAGES[: STAGES.index(until) + 1]:
+                signal.alarm(LONGEST_RUN)
                 STAGE_OF[stage](scene, quiet=True)
         result = "warned" if sentences else "accepted"
     except (StageError, OSError) as error:
@@ -189,6 +197,8 @@ def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
         raise
     except BaseException as error:
         raise AssertionError(f"{text}\n{''.join(traceback.format_exception(error))}") from None
+    finally:
+        signal.alarm(0)
     took = time.process_time() - begin
     assert took < LONGEST or result != "refused", f"{text}\n{took:.0f} s: {sentences}"
     for sentence in sentences:
@@ -231,27 +241,28 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--examples", type=int, default=2000, help="far and near (%(default)s)")
+    parser.add_argument("--solved", type=int, default=650, help="of these, through the solver too")
     parser.add_argument("--ordinary", type=int, default=200, help="well inside (%(default)s)")
-    parser.add_argument("--solved", type=int, default=100, help="of all, by the solver too")
-    parser.add_argument("--table", type=Path, help="CSV to write")
+    parser.add_argument("--processes", type=int, default=2, help="(default %(default)s)")
+    parser.add_argument("--table", type=Path, help="CSV to write, after every part")
     args = parser.parse_args()
-    works, rows = [], ["scenes,outcome,count"]
-    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        for name, number, until, inside in (
-            ("drawn", args.examples, "case", False), ("ordinary", args.ordinary, "case", True),
-            ("solved", args.solved, "run", True),
-        ):  # fmt: skip
-            parts = [
-                pool.submit(count_outcomes, min(PART, number - k), k, until, inside)
-                for k in range(0, number, PART)
-            ]
-            works.append((name, parts))
-        for name, parts in works:
-            counts = sum((part.result() for part in parts), Counter())
-            rows += [f"{name},{outcome},{count}" for outcome, count in sorted(counts.items())]
-            print("\n".join(rows), flush=True)
-    if args.table:
-        write_text(args.table, "\n".join(rows) + "\n")
+    works, counts = {}, Counter[tuple[str, str]]()
+    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+        for name, begin, end, until, inside in (
+            ("ordinary", 0, args.ordinary, "case", True),
+            ("solved", 0, args.solved, "run", False),
+            ("drawn", args.solved, args.examples, "case", False),
+        ):
+            for k in range(begin, end, PART):
+                part = pool.submit(count_outcomes, min(PART, end - k), k, until, inside)
+                works[part] = name
+        for part in as_completed(works):
+            for outcome, count in part.result().items():
+                counts[works[part], outcome] += count
+            rows = [f"{','.join(key)},{count}" for key, count in sorted(counts.items())]
+            print("\n".join(rows), "", sep="\n", flush=True)
+            if args.table:
+                write_text(args.table, "\n".join(["scenes,outcome,count", *rows]) + "\n")
 
 
 if __name__ == "__main__":

@@ -8,8 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fileio.errors import StageError
+from pipeline.kinematics.view import TipPath
+from pipeline.runs.make import Machine, make
 from pipeline.runs.run import open_run
-from tests.conftest import ROOT, motion_of
+from pipeline.scene.limits import field_count
+from piv.sequence.sequence import SequenceOptions, frame_sets
+from tests.conftest import ROOT, motion_of, write_scene
 
 SINGLE = ROOT / "cases" / "single_finger"
 
@@ -97,3 +101,25 @@ def test_before_the_bending_analysis_the_view_is_open(tmp_path):
     assert run.scene.camera.centre is None
     with pytest.raises(StageError, match=r"s\.h5"):
         run.check("report")
+
+
+def test_a_computed_motion_that_leaves_the_view_is_refused_before_the_mesh(tmp_path, monkeypatch):
+    """Of an own actuator or a coupled finger, whose path is not known before."""
+    scene = write_scene(tmp_path, more="[camera]\ncentre = [0.2, 0.1]\n")
+    seen = TipPath(np.array([[0.2, 0.1]]), 0.1, 0)
+    monkeypatch.setattr("pipeline.runs.run.tip_path", lambda _: seen)
+    run = open_run(scene.folder, "tiny")
+    with pytest.raises(StageError, match="the tip leaves the picture"):
+        make(run, "sheet", Machine(), quiet=True)
+    assert run.path("kinematics").exists()
+    assert not run.path("mesh").exists()
+
+
+@pytest.mark.parametrize("paired, in_set, every", [(1, 2, 3), (1, 5, 2), (4, 2, 1), (7, 2, 2)])
+def test_fields_are_counted_as_piv_takes_them(paired, in_set, every):
+    for count in range(12, 30):
+        taken = sum(number % paired < 2 for number in range(count)) if paired > 1 else count
+        pairing = "1-2,3-4" if paired > 1 else "1-2,2-3"
+        options = SequenceOptions(pairing=pairing, frames=in_set, every=every)
+        sets = frame_sets(taken - (paired > 1 and taken % 2), options)
+        assert field_count(count, paired, in_set, every) == len(sets)

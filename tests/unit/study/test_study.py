@@ -9,6 +9,7 @@ import pytest
 
 from fileio.errors import StageError
 from fileio.record import read_record
+from pipeline import __main__ as program
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import run_of
 from pipeline.study.outcome import write_outcome
@@ -177,3 +178,11 @@ def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
 def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
     """Beside the Snakefile; elsewhere they are ignored, and a study that was killed stops."""
     assert (ROOT / "pipeline" / "study" / "profiles" / "default" / "config.yaml").exists()
+
+
+def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:
+    """SLURM=1: Snakemake's exit code is make's."""
+    monkeypatch.setattr(program, "_snakemake", lambda *_, **__: 3)
+    with pytest.raises(SystemExit) as end:
+        program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
+    assert end.value.code == 3
