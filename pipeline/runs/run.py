@@ -143,7 +143,7 @@ class Run:
             )
         if not self.analysed:
             check_states(self.scene)
-        if self.scene.body is None and {"images", "vortices_cfd"} & {s.name for s in until(target)}:
+        if self.scene.body is None and BY_NAME["sheet"] in until(target):
             self._check_view()
 
     def _check_view(self) -> None:
