@@ -122,7 +122,8 @@ STAGES = (
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
-        ("compare", "loads", "kinematics", "mesh", "run", "sheet", "images", "piv", "pressure"),
+        ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "run", "sheet",
+         "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
         version=2, cost=(42, 900), threads=True,
     ),

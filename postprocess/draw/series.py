@@ -29,6 +29,15 @@ from postprocess.evidence.vortex_pairs import broken
 BAND = 1.96  # standard deviations to either side: a 95 % band
 Tracks = dict[str, list[pd.DataFrame]]  # by source, of every finger the tip's vortex over time
 _LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
+_ONE_ROW = 64  # letters of a legend that fit side by side
+_ABOVE = {
+    "bbox_to_anchor": (0.0, 1.0),
+    "borderaxespad": 0.1,
+    "borderpad": 0.1,
+    "fontsize": 8.5,
+    "handlelength": 1.6,
+    "columnspacing": 1.2,
+}  # above the axis no legend hides a curve
 _SPIKE = 3  # instants: what is shorter does not set an axis
 
 
@@ -74,7 +83,8 @@ def over_time(
         _name_spikes(ax, curves)
         names = [curve.label for curve in curves if curve.label]
         if names:
-            ax.legend(loc="best", ncols=1 if len(names) < 3 else 2)
+            columns = 4 if sum(map(len, names)) < _ONE_ROW else (len(names) + 1) // 2
+            ax.legend(loc="lower left", ncols=columns, **_ABOVE)
     axes[-1, 0].set_xlabel("time, s")
     figure.align_ylabels(axes[:, 0])
     return figure
@@ -98,12 +108,13 @@ def _limits(curves: list[Curve]) -> tuple[float, float]:
 def _name_spikes(ax: Axes, curves: list[Curve]) -> None:
     """The value of what is cut off, where it is."""
     low, high = ax.get_ylim()
+    slack = 1e-3 * (high - low)  # rounding is no spike
     for curve in curves:
         if not np.isfinite(curve.values).any():
             continue
         for at, mark in ((np.nanargmax(curve.values), "▲"), (np.nanargmin(curve.values), "▼")):
             time, value = np.asarray(curve.time)[at], float(curve.values[at])
-            if not low <= value <= high:
+            if not low - slack <= value <= high + slack:
                 edge, side = (high, "top") if value > high else (low, "bottom")
                 text = f" {mark} to {value:.2g}"
                 ax.text(time, edge, text, color=curve.colour, fontsize=8, va=side)
