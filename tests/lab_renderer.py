@@ -26,7 +26,7 @@ class Faults:
     `shadow`: share of the light that is lost on the side of `shadow_to` (unit vector, tank frame)
     over half of `shadow_width`, falling to none over the other half. `reflection`: peak of a bright
     line along the dorsal edge, as a share of a particle's. `holder`: length that a dark holder
-    hides from the root on. `perspective` (1/m): relative change of the magnification along x and y.
+    hides from the root on.
     """
 
     shadow: float = 0.0
@@ -34,7 +34,6 @@ class Faults:
     shadow_width: float = 0.006
     reflection: float = 0.0
     holder: float = 0.0
-    perspective: tuple[float, float] = (0.0, 0.0)
 
 
 class Rendered(Recording):
@@ -48,7 +47,7 @@ class Rendered(Recording):
         shape: tuple[int, int],
         faults: Faults | None = None,
     ) -> None:
-        super().__init__("rendered", len(pressures), None)
+        super().__init__("rendered", len(pressures))
         self._kinematics, self._pose, self._pressures = kinematics, pose, pressures
         self._size, self._faults = shape, faults or Faults()
         rows, columns = shape
@@ -63,11 +62,10 @@ class Rendered(Recording):
         return np.column_stack([places, rng.uniform(-2, 2, count)])
 
     def to_px(self, points: np.ndarray) -> np.ndarray:
-        """Positions (…, 2) of the tank frame in the picture, with the perspective."""
+        """Positions (…, 2) of the tank frame in the picture."""
         pose = self._pose
         at = np.asarray(points) - pose.anchor
-        shrunk = at / (1 + at @ np.asarray(self._faults.perspective))[..., None]
-        return shrunk @ pose.rotation.T / pose.pixel + np.asarray(pose.at_px)
+        return at @ pose.rotation.T / pose.pixel + np.asarray(pose.at_px)
 
     def _read(self, i: int) -> np.ndarray:
         rng = np.random.default_rng([1, i])

@@ -65,7 +65,7 @@ def writing_planes(
 
 
 def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset) -> None:
-    """Write a series from its parts along time; the rest, off the grid, is that of `like`.
+    """Write a series from its parts along time; what they lack off the grid is that of `like`.
 
     `like` without time: the one instant becomes a single plane. ValueError where the parts are not
     as many instants as `like`.
@@ -78,9 +78,11 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
             for name, field in part.data_vars.items():
                 values = field.values if "time" in dims else field.values[0]
                 if name not in file.variables:
-                    chunks = (1, *values.shape)[-len(dims) :]
+                    axes = field.dims[-values.ndim :] if "time" not in dims else field.dims
+                    grid = axes[-2:] == ("y", "x")
+                    chunks = {"chunks": (1, *values.shape[-2:])[-len(dims) :], **_DEFLATE}
                     variable = file.create_variable(
-                        name, dims, values.dtype, chunks=chunks, **_DEFLATE
+                        name, axes, values.dtype, **(chunks if grid else {})
                     )
                     variable.attrs.update(
                         {k: v for k, v in field.attrs.items() if k != "_FillValue"}
@@ -91,7 +93,7 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
         if begin != count:
             raise ValueError(f"{path}: {begin} of {count} instants were made")
         for name, other in like.variables.items():
-            if other.dims[-2:] != ("y", "x"):
+            if other.dims[-2:] != ("y", "x") and name not in file.variables:
                 variable = file.create_variable(
                     name, other.dims, other.dtype, data=np.asarray(other.values)
                 )

@@ -8,17 +8,19 @@ by less than a fifth of its size from one to the next.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from tqdm import tqdm
 
-from fileio.formats.plane_series import FINGER_VARIABLES, VECTORS
-from fileio.formats.plane_writer import writing_planes
+from fileio.formats.plane_series import fields_of
+from fileio.formats.plane_writer import write_blocks
 from piv.commands.settings import add_paths, run_with
 from piv.foreign.read import open_vectors
-from piv.momentum.pressure import REFERENCE, WATER, attributes, pressures
+from piv.momentum.pressure import REFERENCE, WATER, attributes, pressures, values_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,21 +55,20 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
     settings = {**settings, "about": tuple(settings["about"])}
     p_std, largest, outside = [], 0.0, 0
     with open_vectors(source) as series:
-        kept = [name for name in (*VECTORS, *FINGER_VARIABLES) if name in series]
-        found = pressures(series, **settings)
-        about = {k: v for k, v in series.attrs.items() if not k.startswith("format")}
-        about |= attributes(series, **settings)
-        times, axes = series["time"].values, (series["x"].values, series["y"].values)
-        with writing_planes(output, *axes, len(times), about) as planes:
-            bar = tqdm(found, "pressure", total=len(times), disable=quiet or None)
-            for k, fields in enumerate(bar):
-                one = series[kept].isel(time=k)
-                own = {name: one[name].values for name in kept}
-                grids = {n: f.astype(np.float32) for n, f in fields.items() if n[:5] in _GRIDS}
-                planes.write(k, float(times[k]), {**own, **fields, **grids})
-                outside += bool(np.isnan(fields.get("line_moment", 0.0)).any())
-                p_std.append(np.nanmedian(fields["p_std"]))
-                largest = max(largest, float(np.nanmax(np.abs(fields["p"]))))
+        count, kept = series.sizes.get("time", 1), fields_of(series)
+
+        def parts() -> Iterator[xr.Dataset]:
+            nonlocal outside, largest
+            bar = tqdm(pressures(series, **settings), "pressure", count, disable=quiet or None)
+            for k, found in enumerate(bar):
+                outside += bool(np.isnan(found.get("line_moment", 0.0)).any())
+                p_std.append(np.nanmedian(found["p_std"]))
+                largest = max(largest, float(np.nanmax(np.abs(found["p"]))))
+                new = {name: values_of(name, values[None]) for name, values in found.items()}
+                yield series[kept].isel(time=slice(k, k + 1)).load().assign(new)
+
+        about = attributes(series, **settings)
+        write_blocks(parts(), output, series.assign_attrs(series.attrs | about))
         known, outlines = "u_std" in series, "outline" in series
     if quiet:
         return
@@ -76,10 +77,7 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
         f" {np.median(p_std):.2g} Pa{'; loads on the outline' if outlines else ''}"
     )
     if outside:
-        print(f"no loads at {outside} of {len(times)} instants: the outline leaves the vectors")
+        print(f"no loads at {outside} of {count} instants: the outline leaves the vectors")
     if not known:
         print("the vectors' uncertainty is not known: taken from their scatter in time")
     print("p holds where the flow does not cross the light sheet, as in a plane of symmetry")
-
-
-_GRIDS = ("p", "p_std")

@@ -45,7 +45,7 @@ class Nodes:
 
     @cached_property
     def _windows(self) -> dict[float, tuple]:
-        """Weights of the cells around the nodes, and their sums, of the σ asked for so far."""
+        """Weights of the cells around the nodes, and their sums, of the σ used so far."""
         return {}
 
     def _knots(self, vectors: ndarray, share: float) -> ndarray:

@@ -44,7 +44,7 @@ def to_plane(
 ) -> xr.Dataset:
     """A plane in m and m/s, y up, from vectors in the file's units and the stated options.
 
-    Displacements in px stay px unless `scale_mm_per_px` or `interval_s` is given, then both are
+    Displacements in px stay px unless `scale_mm_per_px` or `interval_s` is stated, then both are
     needed; lengths per frame need `interval_s`; px with y down need `image_rows`, the height of the
     image, because 0 is to be its bottom row. ValueError names the missing option, and refuses an
     option that contradicts the file.
@@ -151,7 +151,7 @@ def read_vectors(
     """
     files = [Path(p) for p in paths]
     if not files:
-        raise ValueError("no vector file given")
+        raise ValueError("name at least one file of vectors")
     if kind in (None, "csv", "plane") and (plane := read_own(files[0])) is not None:
         if len(files) > 1:
             raise ValueError(f"{files[0]}: give one file; it holds all instants itself")
@@ -191,7 +191,10 @@ def read_vectors(
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
     in_px = first["x"].attrs["units"] == "px"
-    time, unit = _times(times, rate, in_px)
+    try:
+        time, unit = _times(times, rate, in_px)
+    except ValueError as error:
+        raise ValueError(f"{files[0]}: {error}") from None
     series = make_plane(first["x"].values, first["y"].values, time=time, **stack)
     series["time"].attrs["units"] = unit
     series = series.assign_attrs(attrs)
@@ -199,12 +202,18 @@ def read_vectors(
 
 
 def _times(times: list[float | None], rate: float | None, in_px: bool) -> tuple[ndarray, str]:
-    """Times of instants and their unit; ValueError where those in m/s have none."""
+    """Times of instants and their unit: the files' own, else of `rate` (Hz), else frames.
+
+    ValueError where `rate` contradicts the files, and where vectors in m/s have no times.
+    """
     stated = np.array([np.nan if t is None else t for t in times])
+    if np.isfinite(stated).all() and (np.diff(stated) > 0).all():
+        if rate is not None and not np.allclose(np.diff(stated) * rate, 1, atol=1e-3):
+            own = 1 / float(np.diff(stated).mean())
+            raise ValueError(f"--rate {rate:g} contradicts its own times, {own:.6g} Hz in the mean")
+        return stated, "s"
     if rate is not None:
         return np.arange(len(times)) / rate, "s"
-    if np.isfinite(stated).all() and (np.diff(stated) > 0).all():
-        return stated, "s"
     if not in_px:
         raise ValueError(f"{len(times)} instants are a series in time; give --rate")
     return np.arange(len(times), dtype=float), "frame"

@@ -57,6 +57,11 @@ def set_clock(
         elif times is None and recording.times is not None:
             times = recording.times.copy()
             times[1::2] = times[: len(times) // 2 * 2 : 2] + interval
+            if not (np.diff(times) > 0).all():
+                raise ValueError(
+                    f"{recording.name}: --interval {interval:g} s does not fit between its pairs, "
+                    f"{float(np.diff(times[::2]).min()):g} s apart"
+                )
         recording.interval = interval
         recording.attrs.pop("frame_rate_hz", None)
     elif times is not None:
@@ -81,7 +86,7 @@ def interval_of(plane: xr.Dataset, interval: float | None) -> float:
 def seconds(plane: xr.Dataset, interval: float, rate: float | None) -> ndarray:
     """Times (s) of a series' instants, from frames by the pairing that the series was made with.
 
-    ValueError where that is not known and no `rate` is given.
+    ValueError where that is not known nor a `rate`.
     """
     time = plane["time"]
     if time.attrs.get("units") == "s":

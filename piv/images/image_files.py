@@ -48,13 +48,11 @@ def to_grey(image: ndarray, colour: str, name: str) -> ndarray:
 
 
 class ImageFiles(Recording):
-    """Image files in the given order, TIFF stacks page by page (8 to 16 bit)."""
+    """Image files in their order, TIFF stacks page by page (8 to 16 bit)."""
 
-    def __init__(
-        self, paths: Sequence[Path], *, frame_rate_hz: float | None = None, colour: str = "refuse"
-    ) -> None:
+    def __init__(self, paths: Sequence[Path], *, colour: str = "refuse") -> None:
         pages = [(p, k) for p in paths for k in range(_page_count(p))]
-        super().__init__(_common_name(paths), len(pages), frame_rate_hz)
+        super().__init__(_common_name(paths), len(pages))
         self.pages = pages
         self.colour = colour
         self.pairing, self.pairing_doubt = pairing_by_name(paths)

@@ -43,6 +43,16 @@ def polygon_mask(polygon_px: ndarray, shape: tuple[int, int]) -> ndarray:
     return mask.astype(bool)
 
 
+def inside_polygon(polygon: ndarray, x: ndarray, y: ndarray) -> ndarray:
+    """Which points (y, x) of a grid lie within a closed polygon (corner, axis): even-odd rule."""
+    odd = np.zeros((len(y), len(x)), bool)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        rows = (y0 <= y) != (y1 <= y)
+        crossing = x0 + (y[rows] - y0) * ((x1 - x0) / (y1 - y0 or 1.0))
+        odd[rows] ^= x < crossing[:, None]
+    return odd
+
+
 def read_polygon(path: str | Path) -> ndarray:
     """Corners x, y (px, y up) from a CSV file of two numbers a line, with or without names."""
     lines = Path(path).read_text(encoding="utf-8").splitlines()

@@ -33,27 +33,23 @@ __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
 def open_recording(
     source: str | Path | Sequence[str | Path],
     *,
-    frame_rate_hz: float | None = None,
     colour: str = "refuse",
 ) -> Recording:
     """Open a recording for lazy reading.
 
-    `source`: image files in the order given, a folder or a glob of images (names in natural order:
-    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5.
-    `frame_rate_hz` gives times to images and videos and overrides what a file says. `colour`: see
-    `piv.images.image_files.to_grey`. Raises FileNotFoundError or ValueError with one sentence.
+    `source`: image files in their order, a folder or a glob of images (names in natural order:
+    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5. `colour`:
+    see `piv.images.image_files.to_grey`. Raises FileNotFoundError or ValueError with one sentence.
     """
     if isinstance(source, str | Path):
         paths = files_of(source)
     else:
         paths = files_of(source[0]) if len(source) == 1 else [Path(p) for p in source]
     if not paths:
-        raise ValueError(
-            "no recording given: name image files, a folder, a video, an .mraw or an .h5"
-        )
+        raise ValueError("name a recording: image files, a folder, a video, an .mraw or an .h5")
     suffixes = {p.suffix.lower() for p in paths}
     if suffixes <= set(IMAGE_SUFFIXES):
-        return ImageFiles(paths, frame_rate_hz=frame_rate_hz, colour=colour)
+        return ImageFiles(paths, colour=colour)
     if len(paths) > 1:
         raise ValueError(
             f"{paths[0]} and {len(paths) - 1} more: only image files can be joined to a recording"
@@ -62,7 +58,7 @@ def open_recording(
     kinds = {VIDEO_SUFFIXES: Video, PHOTRON_SUFFIXES: Photron, HDF5_SUFFIXES: RecordingFile}
     for own, kind in kinds.items():
         if suffix in own:
-            return kind(path, frame_rate_hz=frame_rate_hz)
+            return kind(path)
     known = IMAGE_SUFFIXES + sum(kinds, ())
     raise ValueError(f"{path}: unknown kind of recording {suffix!r}; known are {' '.join(known)}")
 

@@ -43,7 +43,7 @@ class _PartOfRecording(Recording):
     def __init__(
         self, whole: Recording, masks: _Masks | None, roi: tuple[float, float, float, float] | None
     ) -> None:
-        super().__init__(whole.name, len(whole), None)
+        super().__init__(whole.name, len(whole))
         self.whole, self.masks = whole, masks
         self.attrs, self.times, self.interval = whole.attrs, whole.times, whole.interval
         self.pairing, self.pairing_doubt = whole.pairing, whole.pairing_doubt
@@ -180,7 +180,7 @@ def _polygons(path: Path, recording: Recording) -> _Masks:
 
 
 def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
-    """Corners (frame, point, 2) of one body in every frame, linear between the given instants."""
+    """Corners (frame, point, 2) of one body in every frame, linear between its instants."""
     if unknown := sorted(set(body) - {"frames", "times", "corners"}):
         raise ValueError(f"unknown key {unknown[0]!r} of a body; known are frames, times, corners")
     if "frames" in body and "times" in body:
@@ -209,7 +209,7 @@ def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
     assert at is not None
     if at[0] < instants[0] - 1e-9 or at[-1] > instants[-1] + 1e-9:
         raise ValueError(
-            f"a body is given from {instants[0]:g} to {instants[-1]:g}, "
+            f"a body's polygons run from {instants[0]:g} to {instants[-1]:g}, "
             f"the recording runs from {at[0]:g} to {at[-1]:g}"
         )
     flat = corners.reshape(len(corners), -1)

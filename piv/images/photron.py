@@ -13,7 +13,7 @@ from piv.images.recording import Recording
 class Photron(Recording):
     """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit."""
 
-    def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         try:
             import pyMRAW  # compiles at import: only who needs it waits
         except ImportError:
@@ -42,7 +42,9 @@ class Photron(Recording):
                 f"{self.path}: {size} bytes, but {header.name} announces {count} frames, {need} "
                 "bytes"
             )
-        super().__init__(str(self.path), count, frame_rate_hz or rate)
+        super().__init__(str(self.path), count)
+        if rate > 0:
+            self.attrs["frame_rate_hz"], self.times = rate, np.arange(count) / rate
         self._unpack = pyMRAW.nb_read_uint12
         self.attrs["bits"] = int(cih.get("EffectiveBit Depth", self.bits)) if self.bits != 8 else 8
         self.attrs["camera"] = {k: cih[k] for k in ("Camera Type", "Shutter Speed(s)") if k in cih}

@@ -2,7 +2,7 @@
 
 `Preprocessor(["background=min", "highpass=8", "cap=3"], recording)` is called with a frame and
 gives the cleaned one as float32; `Preprocessor.steps` is the list to store in the result's
-attributes. Steps run in the order given: `background=min|mean` (temporal, of the whole recording),
+attributes. Steps run in their order: `background=min|mean` (temporal, of the whole recording),
 `background=static` (only where something stands still, and left out where it would not pay),
 `clahe=<tile px>`, `highpass=<sigma px>`, `cap=<n>` (intensities above median + n standard
 deviations are cut, Shavit et al. 2007).
@@ -124,7 +124,7 @@ class Preprocessor:
         return self._hidden if body is None else self._hidden | (np.asarray(body) != 0)
 
     def __call__(self, image: ndarray) -> ndarray:
-        """The cleaned frame: float32, or the frame itself where no step was asked for."""
+        """The cleaned frame: float32, or the frame itself without steps."""
         for function, argument in self._chain:
             image = function(image, argument)
         return image

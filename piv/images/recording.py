@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any, Self
 
 import cv2
-import numpy as np
 from numpy import ndarray
 
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
@@ -18,14 +17,13 @@ class Recording:
     """Frames of equal size, read one by one.
 
     `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
-    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where the frame rate
-    is unknown; `rec.attrs`: what is known of `bits` and of `fileio.formats.recording.CAMERA`. A
-    context manager. Frames raise ValueError where they cannot be read.
+    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where they are not
+    known, to be set then; `rec.attrs`: what is known of `bits` and of
+    `fileio.formats.recording.CAMERA`. A context manager. Frames raise ValueError where they cannot
+    be read.
     """
 
-    def __init__(self, name: str, count: int, frame_rate_hz: float | None) -> None:
-        if frame_rate_hz is not None and not frame_rate_hz > 0:
-            raise ValueError(f"{name}: frame_rate_hz must be positive, got {frame_rate_hz}")
+    def __init__(self, name: str, count: int) -> None:
         self.name = name
         self.count = count
         self.attrs: dict[str, Any] = {}
@@ -39,9 +37,6 @@ class Recording:
         self.key: Any = None  # of what is not in the frames: masks, region
         # shape per frame of the finger variables, which `variable` reads
         self.finger: dict[str, tuple[int, ...]] = {}
-        if frame_rate_hz is not None:
-            self.attrs["frame_rate_hz"] = float(frame_rate_hz)
-            self.times = np.arange(count) / float(frame_rate_hz)
         self._shape: tuple[int, int] | None = None
 
     def __repr__(self) -> str:

@@ -21,19 +21,17 @@ ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "tip_width")
 class RecordingFile(Recording):
     """The project's own `images.h5` (docs/formats.md)."""
 
-    def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self._file = open_recording_file(path)
         try:
             count = self._checked()
-            super().__init__(str(path), count, frame_rate_hz)
-            self.attrs = {
-                k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES
-            } | self.attrs
+            super().__init__(str(path), count)
+            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES}
             self._check_attributes()
             self.finger = {
                 name: self._file[name].shape[1:] for name in FINGER_VARIABLES if name in self._file
             }
-            if frame_rate_hz is None and "time" in self._file:
+            if "time" in self._file:
                 self.times = self._numbers("time", (count,))
         except HDF5_ERRORS as error:
             self._file.close()

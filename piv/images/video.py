@@ -22,7 +22,7 @@ class Video(Recording):
     because seeking by number is not exact in every container.
     """
 
-    def __init__(self, path: Path, *, frame_rate_hz: float | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # our one sentence is enough
         self.path = path
         self._open()
@@ -32,7 +32,7 @@ class Video(Recording):
                 f"{path}: a video without frames, or whose container does not say how many"
             )
         played = self._capture.get(cv2.CAP_PROP_FPS)
-        super().__init__(str(path), count, frame_rate_hz)
+        super().__init__(str(path), count)
         # A high-speed film is usually stored with a playing rate, not with the camera's: never
         # taken as time.
         self.attrs["playing_rate_hz"] = float(played)

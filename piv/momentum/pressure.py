@@ -11,7 +11,7 @@ import xarray as xr
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
-from fileio.formats.plane_series import usable
+from fileio.formats.plane_series import AXES, UNITS, usable
 from fileio.formats.recording import window_of
 from piv.momentum.acceleration import REACH, Flow, acceleration, time_weights
 from piv.momentum.integrate import Integral, Links, links
@@ -48,15 +48,16 @@ def pressure(
     Options and method as in `pressures`.
     """
     rows = list(pressures(series, density=density, viscosity=viscosity, about=about))
-    axes = {
-        2: ("y", "x"), "p_outline": ("finger", "point"), "line_force": ("finger", "axis"),
-        "line_moment": ("finger",),
-    }  # fmt: skip
-    made = {
-        name: (("time", *axes.get(name.removesuffix("_std"), axes[2])), [r[name] for r in rows])
-        for name in rows[0]
-    }
+    made = {name: values_of(name, np.stack([row[name] for row in rows])) for name in rows[0]}
     return series.assign(made).assign_attrs(attributes(series, density, viscosity, about))
+
+
+def values_of(name: str, values: ndarray) -> xr.Variable:
+    """What `pressures` gives, as a variable over time of a plane series."""
+    grid = AXES[name][1:] == ("y", "x")
+    return xr.Variable(
+        AXES[name], values.astype(np.float32) if grid else values, {"units": UNITS[name]}
+    )
 
 
 def attributes(

@@ -17,7 +17,7 @@ from piv.compiled import compiled, fast
 
 USED = (*VECTORS, "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6
-# a step's end is the next one's beginning, and both its truth and its speed are asked for
+# a step's end is the next one's beginning, and both its truth and its speed are needed
 CACHED_INSTANTS = 3
 # cells into a body that take its surface's velocity; further in, no particle ever is
 BODY_REACH = 8.0

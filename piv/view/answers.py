@@ -10,7 +10,6 @@ from typing import Any, get_args, get_type_hints
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.path import Path
 from numpy import ndarray
 from scipy.interpolate import RegularGridInterpolator
 
@@ -23,7 +22,7 @@ from piv.fields.summary import summary
 from piv.foreign.write import units_of
 from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
-from piv.images.masks import polygons_mask
+from piv.images.masks import inside_polygon, polygons_mask
 from piv.images.preprocess import Preprocessor
 from piv.sequence.sequence import SequenceOptions
 from piv.view.scene import Scene, with_vorticity
@@ -172,8 +171,7 @@ def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
         return at_points(at[:, ::-1])
 
     flow = sample("u") * along[:, 0] + sample("v") * along[:, 1]
-    grid = np.stack([g.ravel() for g in np.meshgrid(x, y)], axis=1)
-    within = Path(corners).contains_points(grid).reshape(ok.shape) & ok
+    within = inside_polygon(corners, x, y) & ok
     unit = units_of(plane)[0]
     means: dict[str, float | None] = {}
     for name in ("u", "v", "vorticity"):

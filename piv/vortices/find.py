@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from matplotlib.path import Path
 
 from fileio.formats.plane_series import MASKED, VALID, usable
 from fileio.formats.recording import window_of
+from piv.images.masks import inside_polygon
 from piv.vortices.joint_fit import fit_regions
-from piv.vortices.regions import DISC, REGION_RADIUS, Measures, Plane, find_regions
+from piv.vortices.lamb_oseen_fit import PEAK_RADIUS
+from piv.vortices.regions import DISC, Measures, Plane, find_regions
 from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 
@@ -58,7 +59,7 @@ def _step(plane: xr.Dataset) -> float:
 
 def _start(m: Measures, scale: float) -> tuple[float, float, float, float]:
     """Centre, circulation and core radius from which a fit starts: as of a Lamb-Oseen vortex."""
-    wide = m.radius / REGION_RADIUS
+    wide = m.radius / PEAK_RADIUS  # Q > 0 bounds a Lamb-Oseen vortex there
     core = np.sqrt(max(wide**2 - 2 * scale**2, (m.radius / 2) ** 2))
     return m.x, m.y, -m.circulation / np.expm1(-((DISC * scale / wide) ** 2)), core
 
@@ -75,10 +76,8 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
 
 def _in_body(plane: xr.Dataset) -> np.ndarray:
     """Which grid points (y, x) lie within an outline of the plane."""
-    xx, yy = np.meshgrid(plane["x"].values, plane["y"].values)
-    points = np.column_stack([xx.ravel(), yy.ravel()])
     outlines = plane["outline"].values.reshape(-1, *plane["outline"].shape[-2:])
-    inside = [Path(o).contains_points(points).reshape(xx.shape) for o in outlines]
+    inside = [inside_polygon(o, plane["x"].values, plane["y"].values) for o in outlines]
     return np.asarray(np.logical_or.reduce(inside))
 
 

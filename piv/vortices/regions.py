@@ -14,8 +14,6 @@ from piv.vortices.criteria import q_criterion, vorticity
 from piv.vortices.settings import VortexSettings
 from piv.vortices.smooth import REACH, Smoother
 
-# Of a Lamb-Oseen vortex Q > 0 bounds r < 1.12 core radii.
-REGION_RADIUS = 1.1209
 DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a tip's width
 # radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
 SMALLEST = 0.75

@@ -44,9 +44,9 @@ class VortexSettings:
         "grid step, in the fit from the residuals",
     ] = None
     # equal where two planes are compared of which only one has uncertainties
-    weights: Annotated[str, "of the vectors in the fit: uncertainty (where given) or equal"] = (
-        "uncertainty"
-    )
+    weights: Annotated[
+        str, "of the vectors in the fit: uncertainty (where it is known) or equal"
+    ] = "uncertainty"
 
     def __post_init__(self) -> None:
         if self.weights not in ("uncertainty", "equal"):

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from matplotlib.path import Path as Polygon
 
+from piv.images.masks import inside_polygon
 from postprocess.evidence.fields import frame
-
-
-def inside(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Mask (y, x) of the grid points within a closed outline (point, axis), m."""
-    gx, gy = np.meshgrid(x, y)
-    return Polygon(outline).contains_points(np.c_[gx.ravel(), gy.ravel()]).reshape(gx.shape)
 
 
 def trace_velocity(
@@ -35,7 +29,7 @@ def trace_velocity(
             total += upward.sum()
             rising += int((upward > 0).sum())
             points += upward.size
-        passed |= inside(plane["outline"].values[index, finger], x, y)
+        passed |= inside_polygon(plane["outline"].values[index, finger], x, y)
     if points == 0:
         raise ValueError(
             f"the finger leaves no trace between {window[0]:.3f} and {window[1]:.3f} s"

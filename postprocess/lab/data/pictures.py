@@ -45,7 +45,7 @@ class LabRecording(Recording):
     def __init__(self, dpiv: Dpiv) -> None:
         self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
         _check_rate(dpiv, self._source)
-        super().__init__(self._source.name, len(self._source), None)
+        super().__init__(self._source.name, len(self._source))
         self.times = _frame_times(dpiv, len(self._source))
         depth = 8 if self._source.frame(0).dtype == np.uint8 else 16
         self.bits = int(self._source.attrs.get("bits", depth))
@@ -98,7 +98,7 @@ class MaskedRecording(Recording):
         outlines: list[np.ndarray],
         pose: Pose,
     ) -> None:
-        super().__init__(source.name, len(indices), None)
+        super().__init__(source.name, len(indices))
         self._source, self._indices, self._outlines = source, indices, outlines
         self.times = np.asarray(times, float)
         self.attrs = {

@@ -26,7 +26,7 @@ class Stills(Recording):
     """Pictures of fresh particles around the finger of a law that is 5 % stronger and 7 ms late."""
 
     def __init__(self, kinematics, lab):
-        super().__init__("stills", FRAMES, None)
+        super().__init__("stills", FRAMES)
         self.times = np.linspace(0.0, 0.42, FRAMES)
         self.pressures = FACTOR * kinematics.law(np.clip(self.times - DELAY, *kinematics.time))
         self._kinematics, self._lab = kinematics, lab

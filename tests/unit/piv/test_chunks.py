@@ -142,7 +142,8 @@ class Session(Recording):
     """A recording of any length, drawn on demand: shifted cuts of one picture."""
 
     def __init__(self, count: int) -> None:
-        super().__init__("session", count, 500.0)
+        super().__init__("session", count)
+        self.times = np.arange(count) / 500.0
         self.picture = render(lambda x, y: (0 * x, 0 * y), shape=(64, 192), seed=1, frames=(0,))[0]
 
     def _read(self, i: int) -> np.ndarray:

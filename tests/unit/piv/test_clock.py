@@ -112,7 +112,10 @@ def test_the_clock_of_frames():
 
 
 def test_the_times_of_a_recording_stay_where_the_interval_is_stated(couples):
-    with open_recording(couples, frame_rate_hz=20.0) as recording:
+    with open_recording(couples) as recording:
+        recording.times = np.arange(8) / 20.0
+        with pytest.raises(ValueError, match=r"0.2 s does not fit between its pairs, 0.1 s"):
+            set_clock(recording, COUPLES, 0.2, None)
         set_clock(recording, COUPLES, 0.001, None)
         np.testing.assert_allclose(recording.times[:4], [0, 0.001, 0.1, 0.101])
 

@@ -122,6 +122,9 @@ def test_zones_of_other_programs_are_instants(tmp_path):
     series = read_vectors([path], y_axis="up")
     assert series["time"].values.tolist() == [0.5, 0.7]
     assert series["u"].values[:, 1, 1].tolist() == [1, 3]
+    assert read_vectors([path], y_axis="up", rate=5.0)["time"].values.tolist() == [0.5, 0.7]
+    with pytest.raises(ValueError, match=r"a\.dat: --rate 50 contradicts its own times, 5 Hz"):
+        read_vectors([path], y_axis="up", rate=50.0)
 
 
 def test_scale_and_clock_reach_our_own_files(tmp_path):

@@ -122,7 +122,8 @@ def test_polygons_in_metres_and_seconds(frames, tmp_path):
         "corners": (np.array([SQUARE, moved(80)]) * 1e-3 - [0.01, 0]).tolist(),
     }
     path.write_text(json.dumps({"unit": "m", "bodies": [body], "roi": [0.0, 0.0, 0.09, 0.1]}))
-    with open_recording(frames, frame_rate_hz=10) as recording:
+    with open_recording(frames) as recording:
+        recording.times = np.arange(len(recording)) / 10
         with pytest.raises(ValueError, match="metres need its scale"):
             part_of_recording(recording, path)
         recording.attrs |= {"scale_mm_per_px": 1.0, "origin_x_px": 10.0, "origin_y_px": 0.0}
@@ -138,7 +139,7 @@ def test_polygons_in_metres_and_seconds(frames, tmp_path):
     [
         (
             {"bodies": [{"frames": [0, 1], "corners": [SQUARE, moved(9)]}]},
-            "given from 0 to 1, the recording runs from 0 to 2",
+            "run from 0 to 1, the recording runs from 0 to 2",
         ),
         ({"bodies": [{"frames": [0, 2], "corners": [SQUARE, SQUARE[:3]]}]}, "mask polygons"),
         ({"bodies": [{"frames": [2, 0], "corners": [SQUARE, SQUARE]}]}, "ascending instants"),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from fileio.formats.plane_series import make_plane
-from postprocess.evidence.wake_trace import inside, trace_velocity
+from piv.images.masks import inside_polygon as inside
+from postprocess.evidence.wake_trace import trace_velocity
 
 X, Y = np.arange(0, 0.101, 0.002), np.arange(0, 0.051, 0.002)
 TIME = np.linspace(0, 1, 6)
