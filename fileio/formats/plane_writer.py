@@ -71,13 +71,14 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
     as many instants as `like`.
     """
     dims, count = like["u"].dims, like.sizes.get("time", 1)
-    with _new_file(path, like.attrs) as (_, file):
+    with _new_file(path, like.attrs) as (disk, file):
         file.dimensions = {d: like.sizes[d] for d in like.dims}
+        made: dict[str, h5py.Dataset] = {}
         begin = 0
         for part in parts:
-            for name, field in part.data_vars.items():
+            for name, field in ((str(n), f) for n, f in part.data_vars.items()):
                 values = field.values if "time" in dims else field.values[0]
-                if name not in file.variables:
+                if name not in made:
                     axes = field.dims[-values.ndim :] if "time" not in dims else field.dims
                     grid = axes[-2:] == ("y", "x")
                     chunks = {"chunks": (1, *values.shape[-2:])[-len(dims) :], **_DEFLATE}
@@ -87,15 +88,16 @@ def write_blocks(parts: Iterator[xr.Dataset], path: str | Path, like: xr.Dataset
                     variable.attrs.update(
                         {k: v for k, v in field.attrs.items() if k != "_FillValue"}
                     )
+                    made[name] = disk[name]
                 place = slice(begin, begin + len(values)) if "time" in dims else ...
-                file.variables[name][place] = values
+                made[name][place] = values
             begin += part.sizes["time"]
         if begin != count:
             raise ValueError(f"{path}: {begin} of {count} instants were made")
-        for name, other in like.variables.items():
-            if other.dims[-2:] != ("y", "x") and name not in file.variables:
+        for key, other in like.variables.items():
+            if other.dims[-2:] != ("y", "x") and key not in made:
                 variable = file.create_variable(
-                    name, other.dims, other.dtype, data=np.asarray(other.values)
+                    key, other.dims, other.dtype, data=np.asarray(other.values)
                 )
                 variable.attrs.update(other.attrs)
 

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.formats.plane_series import fields_of
+from fileio.formats.plane_series import Planes, fields_of
 from fileio.formats.plane_writer import write_blocks
 from piv.commands.settings import add_paths, run_with
 from piv.foreign.read import open_vectors
@@ -55,7 +55,7 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
     settings = {**settings, "about": tuple(settings["about"])}
     p_std, largest, outside = [], 0.0, 0
     with open_vectors(source) as series:
-        count, kept = series.sizes.get("time", 1), fields_of(series)
+        count, planes = series.sizes.get("time", 1), Planes(series[fields_of(series)])
 
         def parts() -> Iterator[xr.Dataset]:
             nonlocal outside, largest
@@ -65,7 +65,7 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
                 p_std.append(np.nanmedian(found["p_std"]))
                 largest = max(largest, float(np.nanmax(np.abs(found["p"]))))
                 new = {name: values_of(name, values[None]) for name, values in found.items()}
-                yield series[kept].isel(time=slice(k, k + 1)).load().assign(new)
+                yield planes[k].expand_dims("time").assign(new)
 
         about = attributes(series, **settings)
         write_blocks(parts(), output, series.assign_attrs(series.attrs | about))

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy import ndarray
-from scipy.ndimage import gaussian_filter
 
 from piv.vortices.criteria import derivative
 
 REACH = 4  # fields to either side, at most
+# parts of an interval by which the instant of a derivative is not known
+BETWEEN, END = 0.2, 0.5
+WIDE = 4.0  # lengths of errors: what is longer stays in a pressure
 _SCHEME = "fourth-order"
-
-
-class Weights(NamedTuple):
-    """Time derivative of one instant as a sum of fields.
-
-    numbers: of the fields. values: (field, y, x), 1/s; NaN where too few fields have a vector.
-    """
-
-    numbers: ndarray
-    values: ndarray
 
 
 def slope_weights(tau: ndarray, present: ndarray) -> ndarray:
@@ -46,41 +39,48 @@ def slope_weights(tau: ndarray, present: ndarray) -> ndarray:
 
 
 def time_weights(
-    times: ndarray, at: int, present: ndarray, velocity: ndarray, noise: ndarray, width: float
-) -> ndarray:
-    """Weights (field, y, x) of the time derivative at field `at`, 1/s.
+    times: ndarray, at: int, present: ndarray, velocity: ndarray, noise: ndarray, length: float
+) -> tuple[ndarray, ndarray]:
+    """Weights (field, y, x) of the time derivative at field `at`, 1/s; what it lacks, m/s².
 
     times: (field,) s; present: (field, y, x); velocity and noise, its standard uncertainty:
-    (component, field, y, x), 0 where not `present`. Of the fits over 3, 5, … fields each point
-    takes the one with the least mean square error: its noise, and what its difference from the fit
-    over 3 shows beyond noise, averaged over `width` grid points (Hausman, Econometrica 46, 1978:
-    variances of nested fits subtract).
+    (component, field, y, x), 0 where not `present`; length: grid points over which errors hang
+    together. Of the fits over 3, 5, … fields the one with the least mean square error over `WIDE`
+    of those lengths, for shorter errors leave little in a pressure: its noise, and what its
+    difference from the fit over 3 shows beyond noise (Hausman, Econometrica 46, 1978: variances of
+    nested fits subtract). What it lacks (component, y, x): the change of the derivative over a part
+    of an interval, for a derivative of two fields belongs to any instant between them.
     """
-    variance = np.square(noise)
-    fits, errors = [], []
-    first = first_noise = np.zeros(0)
+    fits, slopes, scatters = [], [], []
     for reach in range(1, REACH + 1):
         low = int(np.clip(at - reach, 0, max(0, len(times) - 2 * reach - 1)))
         near = slice(low, low + 2 * reach + 1)
         weights = np.zeros(present.shape)
         weights[near] = slope_weights(times[near] - times[at], present[near])
-        slope = np.einsum("fyx,cfyx->cyx", weights, velocity)
-        scatter = np.einsum("fyx,cfyx->cyx", weights**2, variance)
-        if reach == 1:
-            first, first_noise = slope, scatter
-        shown = (slope - first) ** 2 - np.maximum(first_noise - scatter, 0)
-        beyond = np.maximum(_mean_over(shown.sum(axis=0), width), 0)
         fits.append(weights)
-        errors.append(_mean_over(scatter.sum(axis=0), width) + beyond)
-    chosen = np.argmin(errors, axis=0)
-    return np.take_along_axis(np.stack(fits), chosen[None, None], axis=0)[0]
+        slopes.append(np.einsum("fyx,cfyx->cyx", weights, velocity))
+        scatters.append(np.einsum("fyx,cfyx->yx", weights**2, np.square(noise)))
+    known = np.isfinite(slopes[0]).all(axis=0)
+    # left of errors correlated by exp(-2 (d/length)²) in a mean over a Gaussian of `WIDE` lengths
+    share = 1 / (1 + 8 * WIDE**2)
+    noises = [share * scatter[known].mean() for scatter in scatters]
+    apart = np.concatenate([slope - slopes[0] for slope in slopes])
+    apart = _mean_over(apart, known, WIDE * length)[:, known].reshape(len(fits), -1)
+    beyond = 2 * np.square(apart).mean(axis=1) - (noises[0] - np.array(noises))
+    errors = noises + np.maximum(beyond, 0.0)
+    middle = min(max(at, 1), len(times) - 2)
+    before, now, after = (velocity[:, middle + k] for k in (-1, 0, 1))
+    all_three = np.logical_and.reduce(present[middle - 1 : middle + 2])
+    change = _mean_over((before - 2 * now + after), all_three, WIDE * length / 2)
+    part = (END if middle != at else BETWEEN) * 2 / (times[middle + 1] - times[middle - 1])
+    return fits[int(np.argmin(errors))], np.where(all_three, part * change, 0.0)
 
 
-def _mean_over(field: ndarray, width: float) -> ndarray:
-    known = np.isfinite(field)
-    total = gaussian_filter(np.where(known, field, 0.0), width)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(known, total / gaussian_filter(known.astype(float), width), np.inf)
+def _mean_over(fields: ndarray, known: ndarray, width: float) -> ndarray:
+    """Gaussian means over `known` values of a stack (component, y, x)."""
+    stack = np.where(known, np.concatenate([fields, known[None]]), 0.0).astype(np.float32)
+    blurred = cv2.GaussianBlur(np.moveaxis(stack, 0, -1), (0, 0), width)
+    return np.moveaxis(blurred[..., :-1] / np.maximum(blurred[..., -1:], 1e-9), -1, 0)
 
 
 class Flow(NamedTuple):

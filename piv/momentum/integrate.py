@@ -10,8 +10,6 @@ from numpy import ndarray
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-_AXES = (-1, -2)  # of x and y in (…, y, x)
-
 
 class Links(NamedTuple):
     """Pairs of neighbouring points of a grid.
@@ -85,7 +83,11 @@ class Integral:
         normal = (normal + 1e-9 * sparse.eye_array(size)).tocsc()
         options = {"SymmetricMode": True}
         self._solved = splu(
-            normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+            normal,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            panel_size=2,  # of a plane's narrow supernodes: half the time of the default
+            options=options,
         )
 
     def __call__(self, differences: ndarray) -> tuple[ndarray, ndarray]:

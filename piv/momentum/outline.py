@@ -43,7 +43,10 @@ class Shore:
         nodes = np.column_stack([x[columns], y[rows]])
         apart, near = cKDTree(nodes).query(points, k=_NEAREST)
         self._to = nodes[near] - points[:, None]
-        self._near = rows[near], columns[near]
+        # within the part of the grid that the gradient there needs
+        (top, end), (left, right) = ((max(0, i.min() - 2), i.max() + 3) for i in (rows, columns))
+        self._part = slice(top, end), slice(left, right)
+        self._near = rows[near] - top, columns[near] - left
         self._far = apart[:, 0] > _AROUND * min(self._step)
         weights = np.maximum(apart, _LEAST * min(self._step)) ** -2.0
         self._weights = weights / weights.sum(axis=1, keepdims=True)
@@ -56,9 +59,10 @@ class Shore:
         wall's known gradient does not have.
         """
         rows, columns = self._near
+        pressure, known = pressure[..., *self._part], self._known[self._part]
         gradient = np.stack(
             [
-                derivative(pressure, self._known, step, axis, "fourth-order")[..., rows, columns]
+                derivative(pressure, known, step, axis, "fourth-order")[..., rows, columns]
                 for step, axis in zip(self._step, (1, 0), strict=True)
             ],
             axis=-1,

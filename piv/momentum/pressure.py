@@ -11,7 +11,7 @@ import xarray as xr
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
-from fileio.formats.plane_series import AXES, UNITS, usable
+from fileio.formats.plane_series import AXES, UNITS, VECTORS, Planes, usable
 from fileio.formats.recording import window_of
 from piv.momentum.acceleration import REACH, Flow, acceleration, time_weights
 from piv.momentum.integrate import Integral, Links, links
@@ -21,7 +21,7 @@ from piv.vortices.criteria import gradients
 WATER = 998.2, 1.004e-6  # kg/m³ and m²/s at 20 °C
 SAMPLES = 12  # of errors, which give standard uncertainties to a fifth
 MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
-SHARE = 0.05  # of the pressure: what windows and finite intervals take without a trace
+SHARE = 0.04  # of the pressure: what windows and finite intervals take without a trace
 _FIELDS = 2 * REACH + 1
 _ROUNDS = 6  # of the fit of two variances, which then stands still
 LEAST = 1e-6  # m/s: no vector is better known
@@ -95,8 +95,8 @@ def pressures(
     through the difference formulas, S the squared velocity gradient, for what the balance lacks
     where the flow is strained; a and b are such that the fit's residuals have these variances.
     p_std: the standard deviation of `SAMPLES` random errors of both kinds, sent through the same
-    fit and scaled by the same residuals, and `SHARE` of p. Source of the method: van Oudheusden,
-    Meas. Sci. Technol. 24, 032001 (2013).
+    fit and scaled by the same residuals, what the time derivative lacks, and `SHARE` of p. Source
+    of the method: van Oudheusden, Meas. Sci. Technol. 24, 032001 (2013).
     """
     balance = Balance(series, density, viscosity, about)
     return (balance.at(k) for k in range(series.sizes["time"]))
@@ -109,14 +109,18 @@ class Balance:
         self, series: xr.Dataset, density: float, viscosity: float, about: tuple[float, float]
     ) -> None:
         _check(series, density, viscosity)
-        self._series, self._density, self._viscosity = series, density, viscosity
+        used = [n for n in (*VECTORS, "outline", "outline_velocity") if n in series]
+        self._density, self._viscosity = density, viscosity
+        walls = [name for name in used if name.startswith("outline")]
+        self._walls = series[walls].load()
+        planes = Planes(series[[name for name in used if name not in walls]])
         self._about = np.asarray(about, dtype=float)
         self._x, self._y, self._times = (series[name].values for name in ("x", "y", "time"))
         self._steps = float(np.diff(self._x[:2])[0]), float(np.diff(self._y[:2])[0])
         self._window = window_of(series) / self._steps[0]  # grid steps
         shape = (2, SAMPLES, len(self._y), len(self._x))
         self._unit_errors = _errors(0, shape, MODEL_LENGTH)
-        self._fields = lru_cache(maxsize=_FIELDS)(partial(_field, series))
+        self._fields = lru_cache(maxsize=_FIELDS)(partial(_field, planes))
         self._noises = lru_cache(maxsize=_FIELDS)(self._noise)
 
     def _noise(self, k: int) -> ndarray:
@@ -131,7 +135,7 @@ class Balance:
         near, now = [self._fields(j) for j in numbers], self._fields(k)
         present = np.stack([one.ok for one in near]) & now.ok
         velocity, noise = (np.stack([one[part] for one in near], axis=1) for part in (0, 1))
-        weights = time_weights(
+        weights, lack = time_weights(
             self._times[numbers], k - low, present, velocity, noise, max(2.0, self._window)
         )
         (u, v), (dx, dy) = now.velocity, self._steps
@@ -151,9 +155,10 @@ class Balance:
         fit = _weighted(net, reach * net.middle(*rates), parts)
         p, off = fit(reach * net.middle(*rates))
 
-        wrong = np.stack([self._noises(j) for j in numbers])  # (field, sample, component, y, x)
-        du, dv = wrong[k - low].swapaxes(0, 1)
-        of_noise = acceleration(flow, np.einsum("fyx,fscyx->csyx", weights, wrong), du, dv)
+        du, dv = self._noises(k).swapaxes(0, 1)
+        taken = [(j, w) for j, w in zip(numbers, weights, strict=True) if w.any()]
+        of_slopes = sum(w * self._noises(j) for j, w in taken).swapaxes(0, 1)
+        of_noise = acceleration(flow, of_slopes, du, dv)
         of_noise += np.stack([du * g.dudx + dv * g.dudy, du * g.dvdx + dv * g.dvdy])
         kinds = of_noise, self._unit_errors * np.sqrt(strain)
         errors, offs = zip(*(fit(reach * net.middle(*kind)) for kind in kinds), strict=True)
@@ -162,7 +167,8 @@ class Balance:
             [np.mean(np.square(sampled), axis=0) for sampled in offs],
             [part / fit.variance**2 for part in parts],
         )
-        scaled = np.concatenate([np.sqrt(s) * e for s, e in zip(shares, errors, strict=True)])
+        known = [np.sqrt(s / SAMPLES) * e for s, e in zip(shares, errors, strict=True)]
+        scaled = np.concatenate([*known, fit(reach * net.middle(*lack))[0][None]])
         border = _border(net.points)[net.points]
         p, scaled = (q - q[..., border].mean(axis=-1, keepdims=True) for q in (p, scaled))
         found = {"p": net.grid(p), "p_std": net.grid(_std(scaled, p))}
@@ -170,10 +176,10 @@ class Balance:
 
     def _loads(self, k: int, known: ndarray, p: ndarray, errors: ndarray) -> dict[str, ndarray]:
         """Pressure and loads on the outline, with standard uncertainties; none without one."""
-        if "outline" not in self._series:
+        if "outline" not in self._walls:
             return {}
-        outline = self._series["outline"][k].values
-        wall = wall_gradients(self._series, k, self._density)
+        outline = self._walls["outline"][k].values
+        wall = wall_gradients(self._walls, k, self._density)
         shore = Shore(self._x, self._y, known, outline, wall)
         found: dict[str, ndarray] = {}
         at, off = shore(p), shore(errors, errors=True)
@@ -197,8 +203,8 @@ def _check(series: xr.Dataset, density: float, viscosity: float) -> None:
             raise ValueError(f"{name} = {value:g}: give a positive number")
 
 
-def _field(series: xr.Dataset, k: int) -> _Field:
-    plane = series.isel(time=k)
+def _field(planes: Planes, k: int) -> _Field:
+    plane, series = planes[k], planes.series
     ok, velocity = usable(plane).values, _velocity(plane)
     ok = ok & np.isfinite(velocity).all(axis=0)
     if {"u_std", "v_std"} <= set(series):
@@ -280,5 +286,5 @@ def two_variances(squares: ndarray, parts: list[ndarray], instruments: list[ndar
 
 
 def _std(deviations: ndarray, values: ndarray) -> ndarray:
-    """Standard deviation of errors of two kinds, `SAMPLES` of each, and of the systematic share."""
-    return np.sqrt(np.sum(deviations**2, axis=0) / SAMPLES + np.square(SHARE * values))
+    """Standard deviation of errors that add up, (error, …), and of the systematic share."""
+    return np.sqrt(np.sum(deviations**2, axis=0) + np.square(SHARE * values))

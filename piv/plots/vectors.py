@@ -5,7 +5,10 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-import matplotlib
+try:
+    import matplotlib
+except ImportError:
+    raise ValueError("pictures need the package matplotlib: pip install matplotlib") from None
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -7,7 +7,7 @@ import shlex
 from dataclasses import asdict, replace
 from typing import Any, get_args, get_type_hints
 
-import matplotlib as mpl
+import cv2
 import numpy as np
 import xarray as xr
 from numpy import ndarray
@@ -31,13 +31,13 @@ from piv.vortices.find import find_vortices
 FORM = (
     "window", "least_window", "spacing", "preset", "search", "threshold", "smoothing", "preprocess"
 )  # fmt: skip
+PURPLE_ORANGE = "2d004b 542788 8073ac b2abd2 d8daeb f7f7f7 fee0b6 fdb863 e08214 b35806 7f3b08"
 # of errors that are correlated by exp(-2 (d/L)²), along a line: their integral over d is this L
 CORRELATED = float(np.sqrt(np.pi / 2))
 
 
 def about(scene: Scene, output: str) -> dict[str, Any]:
     """What the page knows of the whole scene."""
-    maps = {"one": "viridis", "two": "PuOr_r"}
     return {
         "name": scene.name,
         "output": output,
@@ -50,12 +50,19 @@ def about(scene: Scene, output: str) -> dict[str, Any]:
         "times": [scene.time_text(k) for k in range(scene.count)],
         "frame_of": [scene.frame_number(k) for k in range(scene.count)],
         "scales": _scales(scene),
-        "colours": {
-            key: [mpl.colors.to_hex(c) for c in mpl.colormaps[name](np.linspace(0, 1, 64))]
-            for key, name in maps.items()
-        },
+        "colours": _colours(),
         "form": _form(scene),
     }
+
+
+def _colours() -> dict[str, list[str]]:
+    """64 colours of one sign (viridis) and of two (ColorBrewer's PuOr, blue negative)."""
+    grey = np.linspace(0, 255, 64).astype(np.uint8)[:, None]
+    one = cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)
+    ends = np.linspace(0, 1, 11), np.array([list(bytes.fromhex(c)) for c in PURPLE_ORANGE.split()])
+    two = np.column_stack([np.interp(np.linspace(0, 1, 64), ends[0], c) for c in ends[1].T])
+    maps = {"one": one[:, 0, ::-1], "two": np.rint(two).astype(np.uint8)}
+    return {key: [f"#{bytes(c).hex()}" for c in colours] for key, colours in maps.items()}
 
 
 def _scales(scene: Scene) -> dict[str, float]:

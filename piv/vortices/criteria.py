@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
+from piv.compiled import compiled
+
 SCHEMES = ("least-squares", "fourth-order")
 
 
@@ -44,37 +46,49 @@ def gradients(
 def derivative(f: ndarray, ok: ndarray, step: float, axis: int, scheme: str) -> ndarray:
     """Derivative of `f` (y, x), or of a stack (…, y, x), along y (`axis` 0) or x (1).
 
-    Scheme as in `gradients`.
+    ok: (y, x). Scheme as in `gradients`.
     """
-    f = np.moveaxis(np.where(ok, f, 0.0), axis - 2, -1)
-    ok = np.moveaxis(ok, axis - 2, -1)
-    n = f.shape[-1]
-    value = np.pad(f, [(0, 0)] * (f.ndim - 1) + [(2, 2)])
-    there = np.pad(ok, [(0, 0)] * (ok.ndim - 1) + [(2, 2)])
+    values = np.ascontiguousarray(f, float).reshape(-1, *ok.shape)
+    out = np.empty(values.shape)
+    turned = (values, ok, out) if axis else (values.swapaxes(1, 2), ok.T, out.swapaxes(1, 2))
+    _along_x(*turned, step, scheme == SCHEMES[1])
+    return out.reshape(f.shape)
 
-    def at(k: int) -> ndarray:
-        return value[..., 2 + k : 2 + k + n]
 
-    left1, right1 = (there[..., 2 + k : 2 + k + n] for k in (-1, 1))
-    left2, right2 = left1 & there[..., :n], right1 & there[..., 4:]
-    full = (
-        (2 * at(2) + at(1) - at(-1) - 2 * at(-2)) / 10
-        if scheme == "least-squares"
-        else (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / 12
-    )
-    out = np.select(
-        [left2 & right2, left1 & right1, right2, left2, right1, left1],
-        [
-            full,
-            (at(1) - at(-1)) / 2,
-            (-3 * at(0) + 4 * at(1) - at(2)) / 2,
-            (3 * at(0) - 4 * at(-1) + at(-2)) / 2,
-            at(1) - at(0),
-            at(0) - at(-1),
-        ],
-        np.nan,
-    )
-    return np.moveaxis(np.where(ok, out / step, np.nan), -1, axis - 2)
+@compiled
+def _along_x(f, ok, out, step, fourth):
+    count, rows, columns = f.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not ok[r, c]:
+                out[:, r, c] = np.nan
+                continue
+            left = 0
+            while left < 2 and c > left and ok[r, c - left - 1]:
+                left += 1
+            right = 0
+            while right < 2 and c + right + 1 < columns and ok[r, c + right + 1]:
+                right += 1
+            for k in range(count):
+                g = f[k, r]
+                if left == 2 and right == 2:
+                    if fourth:
+                        d = (8 * (g[c + 1] - g[c - 1]) - (g[c + 2] - g[c - 2])) / 12
+                    else:
+                        d = (2 * g[c + 2] + g[c + 1] - g[c - 1] - 2 * g[c - 2]) / 10
+                elif left and right:
+                    d = (g[c + 1] - g[c - 1]) / 2
+                elif right == 2:
+                    d = (-3 * g[c] + 4 * g[c + 1] - g[c + 2]) / 2
+                elif left == 2:
+                    d = (3 * g[c] - 4 * g[c - 1] + g[c - 2]) / 2
+                elif right:
+                    d = g[c + 1] - g[c]
+                elif left:
+                    d = g[c] - g[c - 1]
+                else:
+                    d = np.nan
+                out[k, r, c] = d / step
 
 
 def vorticity(g: Gradients) -> ndarray:

@@ -95,7 +95,7 @@ def test_pressure_of_an_exact_flow_with_noise(flow: Callable) -> None:
         assert np.mean(known[np.isfinite(exact)]) > 0.98  # beside the body no vector need have one
         errors.append(np.sqrt(np.mean(off[known] ** 2)) / np.nanstd(exact))
         covered.append(np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]))
-    assert max(errors) < 0.05
+    assert max(errors) < 0.05  # 2.8 and 2.7 %; issue 36 asks for 5
     assert np.mean(covered) > 0.88  # too wide is no fault here: a share of p is systematic
 
 
@@ -105,11 +105,13 @@ def test_loads_on_an_oscillating_cylinder() -> None:
     found = Balance(series, RHO, 0.0, ABOUT).at(MIDDLE)
     rise = -AMPLITUDE * OMEGA**2 * np.sin(OMEGA * (TIMES[MIDDLE] + 0.06))
     force = -RHO * np.pi * RADIUS**2 * rise
-    # slip makes the gradient at this wall another than that of a wall with a boundary layer
+    # 1 % here; 8 %: slip makes the gradient at this wall another than that of a wall with a
+    # boundary layer
     np.testing.assert_allclose(found["line_force"][0, 0], force, rtol=0.08)
     assert abs(found["line_force"][0, 1]) < 0.08 * force
     # its line of action is the axis, ABOUT lies 0.02 m above it
     np.testing.assert_allclose(found["line_moment"][0], 0.02 * found["line_force"][0, 0], rtol=0.08)
+    # 3 %: of the exact pressure, extrapolated over half a grid step to the wall
     known = piv.line_loads(series.assign(p=(("time", "y", "x"), _exact(series))), ABOUT, RHO)
     np.testing.assert_allclose(known["line_force"].values[MIDDLE, 0, 0], force, rtol=0.03)
 
@@ -134,7 +136,21 @@ def test_a_uniform_acceleration_also_at_the_ends() -> None:
     series = make_plane(GRID, GRID, u, 0 * u, time=TIMES)
     for k in (0, 8):
         p = Balance(series, RHO, 0.0, ABOUT).at(k)["p"]
+        # rounding of splu with the weak spring of the free constant
         np.testing.assert_allclose(np.diff(p, axis=1), -RHO * 2.0 * 1e-3, rtol=1e-4)
+
+
+def test_an_acceleration_that_sets_in_is_not_smoothed() -> None:
+    """Noise may be averaged over time only as far as the pressure of the whole view allows it."""
+    growth, noise = 0.012, 2e-3  # s, m/s: noise in a slope over 3 fields is a fifth of the slope
+    u = 2.0 * (TIMES + growth * np.exp(-TIMES / growth))[:, None, None] + np.zeros((9, 81, 81))
+    series = noisy(u, 0 * u, np.ones(u.shape, bool), noise, 76)
+    for k in (2, 4):
+        p = Balance(series, RHO, 0.0, ABOUT).at(k)["p"]
+        slope = float(np.mean(p[:, -1] - p[:, 0]) / np.ptp(GRID))
+        # 3 and 2 %, which central differences miss; 7 % with the noise of single vectors
+        exact = -RHO * 2.0 * (1 - np.exp(-TIMES[k] / growth))
+        assert slope == pytest.approx(exact, rel=0.04)
 
 
 def test_the_command_writes_what_the_function_gives(tmp_path, capsys) -> None:
