@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import hypothesis
@@ -31,6 +32,15 @@ tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, \
 edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
 numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
 """
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that need OpenFOAM are skipped where it is not installed."""
+    if shutil.which("pimpleFoam") is None:
+        missing = pytest.mark.skip(reason="OpenFOAM is not installed")
+        for item in items:
+            if item.get_closest_marker("openfoam"):
+                item.add_marker(missing)
 
 
 def write_scene(

@@ -4,7 +4,6 @@ It is a chain of one rigid slice, so long that its turn about the clamp is a dis
 """
 
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +19,7 @@ from pipeline.structure.motion import Surroundings, modelled_water, motion, rate
 from tests.conftest import prepare
 from tests.studies.validation.solve import CASES, forces
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 LENGTH = 100.0  # m, of the slice: amplitudes of some cm turn it by some 1e-4 rad
 DRY_PERIOD = 1.0  # s

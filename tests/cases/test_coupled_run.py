@@ -1,6 +1,5 @@
 """COUPLED=1 with the real solver: to its page, after a kill, on two ranks, over two meshes."""
 
-import shutil
 import signal
 import subprocess
 import sys
@@ -24,11 +23,7 @@ from pipeline.scene.scene import load_scene
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = [pytest.mark.openfoam, pytest.mark.slow]
 STROKE = """
 [motion]
 strokes = [{ pressure_kpa = 12.0, start = 0.002, duration = 0.06 }]

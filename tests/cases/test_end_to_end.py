@@ -14,10 +14,7 @@ from pipeline.openfoam.function_objects import read_function_object
 from tests.cases.conftest import make
 from tests.conftest import ROOT
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 
 def made(project: Path, scene: str) -> Path:

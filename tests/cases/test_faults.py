@@ -1,7 +1,6 @@
 """Small `make faults` and tests.studies.stability: kills, two makes, full disk; endings."""
 
 import os
-import shutil
 
 import pytest
 
@@ -13,10 +12,7 @@ from tests.studies.faults.project import small_run
 from tests.studies.stability import images
 from tests.studies.stability.solver import result
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """Runs of several mesh intervals: a tiny pinch that closes to its residual gap."""
 
 import re
-import shutil
 import signal
 import subprocess
 import time
@@ -21,10 +20,7 @@ from pipeline.scene.scene import Scene
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 
 def closing(folder: Path, kind: str, end: float) -> Scene:

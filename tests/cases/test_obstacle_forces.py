@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -12,10 +10,7 @@ from pipeline.scene.scene import load_scene
 from tests.cases.conftest import table
 from tests.conftest import prepare, write_scene
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 BESIDE = """
 [motion]

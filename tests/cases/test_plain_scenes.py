@@ -1,16 +1,12 @@
 """A scene.toml alone, in a folder of any name, from kinematics to report at level smoke."""
 
 import json
-import shutil
 
 import pytest
 
 from tests.cases.conftest import make
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 WATER = """
 [numerics]

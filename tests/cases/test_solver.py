@@ -28,10 +28,7 @@ from pipeline.scene.scene import Scene, load_scene
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, meshes_of, prepare, write_scene
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 RESUMES = foam_version() == "v1912" if shutil.which("pimpleFoam") else True  # v2306 begins again
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from tests.conftest import ROOT, TINY
 SNAKEMAKE = ROOT / ".venv-study" / "bin" / "snakemake"
 pytestmark = [
     pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
     pytest.mark.skipif(not SNAKEMAKE.exists(), reason="make study installs Snakemake"),
 ]
 SHORT = (

@@ -128,7 +128,6 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
     assert output(tmp_path / "three" / ".venv" / "bin" / "piv") == "one"
 
 
-@pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed")
 @pytest.mark.openfoam
 @pytest.mark.slow
 def test_an_own_finger_its_recording_and_its_results(clone):

@@ -13,10 +13,7 @@ from tests.conftest import prepare
 from tests.studies.validation import cylinders, deforming
 from tests.studies.validation.solve import CASES
 
-pytestmark = [
-    pytest.mark.openfoam,
-    pytest.mark.skipif(shutil.which("pimpleFoam") is None, reason="OpenFOAM is not installed"),
-]
+pytestmark = pytest.mark.openfoam
 
 
 def tiny(name, folder):
