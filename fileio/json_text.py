@@ -43,6 +43,3 @@ def natural_key(path: str | Path) -> list[tuple[int, int | str]]:
     """Sort key in which numbers inside names count as numbers."""
     parts = re.split(r"(\d+)", str(path))
     return [(1, int(p)) if p.isdecimal() else (0, p.lower()) for p in parts]
-
-
-AGAIN = "run the stage that writes it again"

@@ -18,7 +18,7 @@ from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
 from fileio.json_text import read_json
 from fileio.provenance import check_version, versions
-from fileio.record import check_whole
+from fileio.record import REMEDY, check_whole
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,12 @@ def variables(table: str) -> tuple[_Variable, ...]:
 
 @dataclass(frozen=True)
 class Schema:
-    """An HDF5 format: name, remedy for an unusable file, variables of its root and groups."""
+    """An HDF5 format: name, variables of its root and groups, remedy for an unusable file."""
 
     format: str
-    remedy: str
     root: tuple[_Variable, ...]
     group: tuple[_Variable, ...] = ()
+    remedy: str = REMEDY
     version: int = 1
 
     @property
@@ -165,7 +165,7 @@ class JsonFormat:
     """A JSON object that names its format and version; `remedy` for an unusable file."""
 
     format: str
-    remedy: str
+    remedy: str = REMEDY
     version: int = 1
 
     def write(self, path: Path, content: Mapping[str, Any]) -> None:
@@ -190,7 +190,7 @@ class Table:
     """A CSV of numbers; `header`: names of columns, ", " between; `remedy` for an unusable file."""
 
     header: str
-    remedy: str
+    remedy: str = REMEDY
     digits: int = 12
 
     @property

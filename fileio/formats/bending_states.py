@@ -17,7 +17,6 @@ from fileio.schema import Schema, variables
 FloatArray = NDArray[np.float64]
 SCHEMA = Schema(
     "bending-states",
-    "write it again with make fea SCENE=…",
     variables("""
 pressure  state  Pa  gauge pressure in the chambers, ascending
 profile_x  state, point  m  lower (ventral) surface, root to tip, the same material points in all
@@ -50,6 +49,7 @@ settings?  -  -  JSON: [fea]
 uncertainty?  -  -  JSON: `pressures_kpa`, and by source `curvature_std`, 1/m, and
   `bending_stiffness_std`, N m2
 """),
+    remedy="write it again with make fea SCENE=…",
 )
 
 
@@ -180,47 +180,57 @@ def read_states(path: Path, thickness: float) -> States:
     return states
 
 
-def _read_csv(path: Path, thickness: float) -> States:
+def profile_rows(path: Path, thickness: float | None) -> dict[float, FloatArray]:
+    """Points (point, 4) of the profiles in a CSV by pressure (kPa): ascending s, x, y, thickness.
+
+    `thickness`: where the file has none. StageError with file, line and remedy.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise StageError(f"{path}: not a readable text file ({error})") from None
-    lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
-    header = [name.strip() for name in lines[0].split(",")] if lines else []
-    if header[:4] != ["pressure_kpa", "s", "x", "y"] or header[4:] not in ([], ["thickness"]):
-        found = ",".join(header)
-        raise StageError(
-            f"{path}: the header must read pressure_kpa,s,x,y[,thickness], found {found!r}"
-        )
-    cells = [line.split(",") for line in lines[1:]]
-    if any(len(row) != len(header) for row in cells) or not cells:
-        raise StageError(f"{path}: rows of different lengths; give {len(header)} columns in each")
-    try:
-        table = np.array(cells, float)
-    except ValueError as error:
-        raise StageError(f"{path}: a cell is not a number ({error}); correct it") from None
-    finite = np.isfinite(table).all(1)
-    if not finite.all():
-        raise StageError(f"{path}: row {int(np.argmin(finite)) + 2} holds NaN; remove or mend it")
-    from scipy.interpolate import CubicSpline  # slow to import; states.h5 needs none
-
-    pressures = np.unique(table[:, 0])
-    fraction = np.linspace(0, 1, 141)
-    profile, height = [], []
-    for pressure in pressures:
-        rows = table[table[:, 0] == pressure]
-        rows = rows[np.argsort(rows[:, 1], kind="stable")]
-        if len(rows) < 3 or not np.all(np.diff(rows[:, 1]) > 0):
+    lines = [(n, row) for n, row in enumerate(text, 1) if row.strip() and row[0] != "#"]
+    header = [name.strip() for name in lines[0][1].split(",")] if lines else []
+    needed = ("pressure_kpa", "s", "x", "y", *(() if thickness else ("thickness",)))
+    if missing := [name for name in needed if name not in header]:
+        raise StageError(f"{path}: no column {missing[0]} in its header; give {', '.join(needed)}")
+    rows: dict[float, list[list[float]]] = {}
+    for number, line in lines[1:]:
+        where = f"{path}, line {number}"
+        try:
+            row = dict(zip(header, map(float, line.split(",")), strict=True))
+        except ValueError:
+            raise StageError(
+                f"{where}: {line.strip()!r} is not {len(header)} numbers; correct it"
+            ) from None
+        if not np.isfinite([*row.values()]).all() or row.get("converged", 1) == 0:
+            raise StageError(
+                f"{where}: the state at {row['pressure_kpa']:g} kPa holds NaN, or did not converge;"
+                " leave it out"
+            )
+        point = [row["s"], row["x"], row["y"], row.get("thickness", thickness or 0.0)]
+        rows.setdefault(row["pressure_kpa"], []).append(point)
+    profiles = {pressure: np.array(sorted(points)) for pressure, points in rows.items()}
+    for pressure, points in profiles.items():
+        if len(points) < 3 or not np.all(np.diff(points[:, 0]) > 0):
             raise StageError(
                 f"{path}: the state at {pressure:g} kPa needs three points or more with distinct s"
             )
-        s = (rows[:, 1] - rows[0, 1]) / np.ptp(rows[:, 1])
+    return profiles
+
+
+def _read_csv(path: Path, thickness: float) -> States:
+    from scipy.interpolate import CubicSpline  # slow to import; states.h5 needs none
+
+    rows = sorted(profile_rows(path, thickness).items())
+    fraction = np.linspace(0, 1, 141)
+    profile, height = [], []
+    for _, points in rows:
+        s = (points[:, 0] - points[0, 0]) / np.ptp(points[:, 0])
         # straight pieces would lose the ends' tangents
-        profile.append(CubicSpline(s, rows[:, 2:4])(fraction))
-        height.append(
-            np.interp(fraction, s, rows[:, 4]) if len(header) == 5 else np.full(141, thickness)
-        )
-    return States(pressures * 1000.0, np.array(profile), np.array(height))
+        profile.append(CubicSpline(s, points[:, 1:3])(fraction))
+        height.append(np.interp(fraction, s, points[:, 3]))
+    return States(1e3 * np.array([p for p, _ in rows]), np.array(profile), np.array(height))
 
 
 def shapes_of(motion: xr.Dataset, over: str, path: Path) -> States:

@@ -14,7 +14,6 @@ _FILE = Path("run/elastic_motion.h5")  # in a level's folder
 
 SCHEMA = Schema(
     "elastic-motion",
-    "delete it and run make again",
     variables("""
 time  time  s  time steps of the run
 pressure  time  Pa  in the chambers

@@ -15,7 +15,6 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "finger-loads",
-    "delete it and run make again",
     variables("""
 time?  time  s  of the solver's samples of the finger's surface
 pressure?  time  Pa  in the chambers; of a pinch that of the shape

@@ -23,7 +23,6 @@ SHAPE_OF_TIME = "shape_parameter_of_time"
 
 SCHEMA = Schema(
     "kinematics",
-    "delete it and run make again",
     variables("""
 time  time  s  instants of the law
 pressure  time  Pa  of the shape; of a rigid body the distance travelled (m, or rad)

@@ -83,7 +83,6 @@ class IntervalMesh:
 _COLUMNS = [f"interval_{name}" for name in ("begin", "start", "end", "mesh", "moving")]
 SCHEMA = Schema(
     "planform",
-    "delete it and run make again",
     variables("""
 interval_begin  interval  s  when its solver starts: before interval_start by the overlap
 interval_start  interval  s  where it begins: a whole number of time steps, without a gap
@@ -116,7 +115,6 @@ corners  -  m  x, y of the tank's lower left and upper right corner
 
 SWEEP = Schema(
     "sweep",
-    "delete it and run make again",
     (),
     variables("""
 node  point  1  planform node of each mesh point

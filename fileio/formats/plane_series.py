@@ -47,7 +47,6 @@ settings?  -  -  JSON: with which it was made
 """)
 SCHEMA = Schema(
     "plane-series",
-    REMEDY,
     variables("""
 time?  time  s  ascending; of PIV: the middle of the two exposures
 y  y  m  ascending, regular
@@ -70,6 +69,7 @@ p_std?~  time?, y, x  Pa  standard uncertainty of p
     + LOADS
     + ORIGIN
     + variables("interval?  -  s  between the exposures of a pair, where it is the same for all"),
+    remedy=REMEDY,
 )
 AXES = {v.name: v.axes for v in SCHEMA.root}  # dimensions of a series, by variable
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}

@@ -6,7 +6,6 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "recorded-motion",
-    "write it again as docs/formats.md describes it",
     variables("""
 time  time  s  of the simulation's clock
 pressure  time  Pa  at which the scene's own finger bends as much
@@ -23,5 +22,6 @@ recording  -  -  title of the recording
 dpiv_sha256  -  -  digest of its dpiv.toml
 registration  -  -  JSON: where the finger lies in the pictures
 """),
+    remedy="write it again as docs/formats.md describes it",
 )
 read_recorded_motion, write_recorded_motion = SCHEMA.read, SCHEMA.write

@@ -20,7 +20,6 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "recording",
-    REMEDY,
     variables("""
 time  time  s  of each frame; with `pairs_every` > 1 of `camera`, two frames out of every so many
 row  row  px  from the top
@@ -38,6 +37,7 @@ bits?  -  -  of the camera
 camera?  -  -  JSON: the camera that was simulated
 """)
     + ORIGIN,
+    remedy=REMEDY,
 )
 UNITS = {v.name: v.units for v in SCHEMA.root if v.dims != "-"}
 _DIMS = ("time", "row", "column")

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from fileio.schema import JsonFormat, Table
 
-AGAIN = "delete it and run make again"
-RUN = JsonFormat("run", AGAIN)
-COMPARISON = JsonFormat("comparison", AGAIN)
+RUN = JsonFormat("run")
+COMPARISON = JsonFormat("comparison")
 LAB_COMPARISON = JsonFormat("lab-comparison", "run make compare again")
 REGISTRATION = JsonFormat("registration", "delete it and run make compare again")
 STUDY_PLAN = JsonFormat("study-plan", "run the study again")
 FIGURES = JsonFormat("figures", "run the stage 'figures' again")
 RECORDS = (RUN, COMPARISON, LAB_COMPARISON, REGISTRATION, STUDY_PLAN, FIGURES)
 
-FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_viscous", AGAIN)
-POWER = Table("time, finger_power, kinetic_energy, dissipation", AGAIN)
+FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_viscous")
+POWER = Table("time, finger_power, kinetic_energy, dissipation")
 LOSSES = ("viscous", "convection", "coupling")  # terms that take energy from the flow
-POWER_TERMS = Table(", ".join(("time", *LOSSES)), AGAIN)
+POWER_TERMS = Table(", ".join(("time", *LOSSES)))
 HISTORY = Table(
     "time, courant_mean, courant_max, continuity_local, continuity_global, pressure_iterations,"
     " wall_time",
-    AGAIN,
 )
 MESH_QUALITY = Table(
     "interval, mesh, time_share, bend_deg, shape_parameter, max_non_orthogonality_deg,"
     " mean_non_orthogonality_deg, max_skewness, min_area_ratio",
-    AGAIN,
     digits=6,
 )

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import BendingStates
+from fileio.provenance import versions
 from pipeline.fea import analyse
-from pipeline.fea.imported.importing import profiles_of, states_of
+from pipeline.fea.imported.importing import digitised, profiles_of, states_of
 from pipeline.fea.imported.nodes import read_nodes
-from pipeline.fea.imported.profiles import read_profiles
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 
@@ -44,8 +44,7 @@ def bending_states(
         "geometry": actuator.model_dump(exclude={"materials"}),
         "material": actuator.materials.model_dump(),
         "solver": solver,
-        "versions": {name: version(name) for name in LIBRARIES}
-        | {"python": platform.python_version()},
+        "versions": versions(*LIBRARIES) | {"python": platform.python_version()},
         "settings": fea.model_dump(mode="json"),
     }
     return replace(states, about=about)
@@ -57,7 +56,7 @@ def imported(folder: Path, results: Import, width: float) -> BendingStates:
     if "*" not in path.name and not path.exists():
         raise StageError(f"{path}: no such file: correct file in [fea.results]")
     if path.suffix == ".csv" and ",node," not in path.read_text("utf-8"):
-        profiles = read_profiles(path, results)
+        profiles = digitised(path, results)
     elif path.suffix in READERS:
         profiles = profiles_of(path, READERS[path.suffix](path, results), results)
     else:

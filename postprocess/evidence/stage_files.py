@@ -8,7 +8,7 @@ from typing import Any
 
 from fileio import json_text
 from fileio.atomic import write_text as write_text
-from fileio.json_text import AGAIN
+from fileio.record import REMEDY
 from pipeline.scene.scene import Scene
 
 
@@ -60,7 +60,7 @@ class StageFiles:
 
 def read_json(path: Path, kind: type = dict) -> Any:
     """What a stage's JSON file holds, of `kind`; ValueError in one sentence where it is damaged."""
-    return json_text.read_json(path, AGAIN, kind)
+    return json_text.read_json(path, REMEDY, kind)
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:

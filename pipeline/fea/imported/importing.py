@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.formats.bending_states import BendingStates, FloatArray
+from fileio.formats.bending_states import BendingStates, FloatArray, profile_rows
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.finger import arc_length, fit_circle, smoothed
 from pipeline.fea.settings import Import
@@ -72,6 +72,17 @@ def profiles_of(path: Path, fields: Fields, results: Import) -> list[Profile]:
         height = _height_along(place[ventral], place[dorsal])
         profiles.append(Profile(pressure, rest[ventral, 0], place[ventral], height))
     return profiles
+
+
+def digitised(path: Path, results: Import) -> list[Profile]:
+    """Profiles of a CSV; raises StageError with file, line and remedy."""
+    unit = results.metres_per_unit
+    rows = profile_rows(path, results.thickness and results.thickness / unit)
+    return [
+        Profile(1e3 * kpa, s, np.stack([x, y], -1), height)
+        for kpa, points in rows.items()
+        for s, x, y, height in [unit * points.T]
+    ]
 
 
 def _actuator_frame(points: FloatArray, results: Import) -> FloatArray:

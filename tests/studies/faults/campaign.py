@@ -7,7 +7,6 @@ undisturbed one.
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import random
 import shutil
@@ -21,15 +20,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from fileio.errors import StageError, sentence
+from fileio.errors import sentence
 from fileio.record import read_record, record_path
 from pipeline.runs.make import Machine, make, make_stage
 from pipeline.runs.run import Run, targets
 from pipeline.runs.stages import BY_NAME, STAGES
-from piv.__main__ import main as piv
 from tests.studies.faults.project import difference, small_run
 
 TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # in order
@@ -38,19 +35,6 @@ FULL = 12  # KiB that a full disk has left: no stage's results fit
 LONGEST = 1800.0  # s of a stage, on a busy machine
 Row = dict[str, Any]
 Answer = tuple[int, str]  # 0: completed, 2: refused in one sentence, 1: in another way; the text
-COMMANDS = {  # of piv that no stage runs; {} is the folder of the results
-    "correlate --ensemble": "correlate {}/images.h5 -o {}/o.h5 --ensemble --preset fast --every 4",
-    "calibrate": "calibrate --scale-mm-per-px 0.2 -o {}/o.json",
-    "mask": "mask {}/images.h5 --image {}/../camera.png -o {}/o.png",
-    **{f"plot {end}": f"plot {{}}/piv.h5 -o {{}}/o{end}" for end in (".png", ".svg")},
-    **{f"animate {e}": f"animate {{}}/piv.h5 -o {{}}/o{e} --every 4" for e in (".mp4", ".gif")},
-    **{
-        f"convert {end}": f"convert {{}}/piv.h5 -o {{}}/o{end}"
-        for end in (".h5", ".nc", ".csv", ".vti", ".txt", ".dat")
-    },
-}  # fmt: skip
-
-
 READ = {  # files of earlier stages than those that a stage names as its inputs
     "case": ("kinematics.h5",), "run": ("kinematics.h5", "planform.h5", "mesh_quality.csv"),
     "sheet": ("kinematics.h5", "planform.h5"), "loads": ("kinematics.h5", "planform.h5"),
@@ -292,29 +276,6 @@ def disks(at: Campaign, chosen: list[str]) -> Iterator[Row]:
                 remount("rw,size=512m")
                 wrong = "" if answer[0] else "completed without room"
                 yield at.row(target, f"disk {fault}", [answer], wrong or at.again(target))
-        at.restore(at.wanted)
-        body = np.zeros((256, 320), "u1")
-        body[100:150, 120:140] = 255
-        cv2.imwrite(str(at.out.parent / "camera.png"), body)
-        for name, words in COMMANDS.items() if "piv" in chosen else ():
-            action = partial(_piv, words.replace("{}", str(at.out)).split())
-            remount(_room(at.out, 0))
-            answer = Work(action).answer()
-            remount("rw,size=512m")
-            left = [p.name for p in at.out.glob("o.*") if p.suffix != ".part"]
-            code, text = Work(action).answer()
-            wrong = f"{left} left behind" if left else text if code else ""
-            yield at.row(f"piv {name}", "disk full", [answer], wrong)
-            for path in at.out.glob("o.*"):
-                path.unlink()
-
-
-def _piv(words: list[str]) -> None:
-    said = io.StringIO()
-    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-        code = piv([*words, "--quiet"])
-    if code:
-        raise StageError(said.getvalue().strip())
 
 
 def damaged(at: Campaign, target: str) -> Iterator[Row]:
@@ -386,19 +347,6 @@ def swapped(
             yield at.row(reader, fault, [], wrong, times=1, recomputed=int(not wrong))
 
 
-def no_solver(at: Campaign) -> Row:
-    """No OpenFOAM on the path."""
-    none = at.folder / "no-foam"
-    none.mkdir()
-    for path in Path("/usr/bin").iterdir():
-        if path.name != "pimpleFoam":
-            (none / path.name).symlink_to(path)
-    at.before("run")
-    answer = at.make("run", PATH=str(none), WM_PROJECT_DIR="").answer()
-    wrong = "" if answer[0] else "completed without OpenFOAM"
-    return at.row("run", "OpenFOAM missing", [answer], wrong or at.again("run"))
-
-
 def odd_paths(at: Campaign) -> Iterator[Row]:
     """A folder with a space, which OpenFOAM cannot read, and one with other letters."""
     for fault, name, allowed in (
@@ -417,11 +365,10 @@ def odd_paths(at: Campaign) -> Iterator[Row]:
 
 
 def of_processes(at: Campaign, chosen: list[str], count: int, seed: int) -> Iterator[Row]:
-    """Kills, two makes at once, no OpenFOAM, odd paths."""
+    """Kills, two makes at once, odd paths."""
     for target in chosen:
         yield kills(at, target, count, seed)
         yield twice(at, target)
-    yield no_solver(at)
     yield from odd_paths(at)
 
 

@@ -11,7 +11,6 @@ from fileio.schema import Schema, variables
 
 SCHEMA = Schema(
     "track",
-    "make it again",
     variables("""
 time  time  s  instants
 at  time, axis  Pa  place
@@ -21,6 +20,7 @@ width  -  m  of it
 """),
     variables("node  node  1  number"),
     version=3,
+    remedy="make it again",
 )
 GOOD = {"time": np.arange(3.0), "at": np.zeros((3, 2)), "width": 0.1}
 
@@ -81,7 +81,7 @@ def test_missing_damaged_and_foreign_files_are_one_sentence(tmp_path, group):
     path.write_bytes(b"no HDF5")
     with pytest.raises(StageError, match=r"a\.h5: not a readable HDF5 file .*; make it again$"):
         SCHEMA.read(path, group)
-    Schema("other", "", ()).write(path, {})
+    Schema("other", ()).write(path, {})
     with pytest.raises(StageError, match=r"a\.h5: format is 'other', not 'track'; make it again$"):
         SCHEMA.read(path, group)
 

@@ -56,8 +56,8 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
         (csv_of({k: v * 1e3 for k, v in GOOD.items()}), "mm"),
         (csv_of(GOOD, "p,s,x,y"), "header"),
         ("", "header"),
-        (csv_of(GOOD) + "30,0.01\n", "rows"),
-        (csv_of(GOOD) + "30,a,b,c\n", "not a number"),
+        (csv_of(GOOD) + "30,0.01\n", "line 92: .* is not 4 numbers"),
+        (csv_of(GOOD) + "30,a,b,c\n", "is not 4 numbers"),
         (csv_of(GOOD) + "30,0,0,0\n", "three points"),
     ],
 )

@@ -103,7 +103,7 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
     ):
         with pytest.raises(StageError, match=words) as error:
             results_of(own_scene(tmp_path / name, text))
-        told = rf"make tradeoff SCENE={name}, about [\d.]+ h of CPU time"
+        told = rf"softfinger tradeoff \S+/{name}, about [\d.]+ (h|min) of CPU time"
         assert re.search(told, str(error.value))
     assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
 
