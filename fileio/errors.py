@@ -51,15 +51,10 @@ def sentence(error: BaseException) -> str | None:
     return one_line(error, 2000) if isinstance(error, ValueError | OSError) else None
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The word of `known` with the nearest spelling, or None."""
-    return next(iter(difflib.get_close_matches(word, list(known), 1)), None)
-
-
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Text that suggests the nearest word of `known`; empty where none is near."""
-    near = nearest(word, known)
-    return f"; did you mean {near}?" if near else ""
+    near = difflib.get_close_matches(word, list(known), 1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 class StageError(ValueError):

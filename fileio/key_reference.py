@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from fileio.errors import nearest
+from fileio.errors import suggestion
 
 _LONGEST = 60  # characters of a wrong value in a message
 _NAMES = {
@@ -193,6 +193,7 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
     sentences = []
     for error in errors:
         key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
+        key = re.sub(r"\.(\d+)", r"[\1]", key)
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "extra_forbidden":
             *place, name = error["loc"]
@@ -200,12 +201,11 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
             for part in place:
                 if part in getattr(table, "model_fields", {}):
                     table, _ = _model_of(table.model_fields[part].annotation)
-            near = nearest(str(name), getattr(table, "model_fields", {}))
-            cure = f"{near!r} is" if near else "check its spelling or remove it"
-            message = f"this key is not known; {cure}"
+            near = suggestion(str(name), getattr(table, "model_fields", {}))
+            message = f"this key is not known{near or '; check its spelling or remove it'}"
         elif error["type"] == "missing":
             message = "this key is missing; add it"
-        elif error["loc"]:
+        elif error["loc"] and not isinstance(error["input"], dict):
             value = repr(error["input"])
             message += f" (got {value if len(value) <= _LONGEST else value[:_LONGEST] + '…'})"
         sentences.append(f"{key}: {message}" if key else message)

@@ -143,9 +143,6 @@ def _check_motion(scene: Any) -> None:
             value = getattr(law, key)
             if value is not None:
                 _within(f"motion.{name}.{key}", value, least * step, np.inf, " s", short)
-    if scene.body is None:
-        why = "longer than any stroke of a finger"
-        _within("motion.end_time", motion.end_time, 0, _LONGEST_RUN, " s", why)
     if not motion.strokes:
         return
     short = f"less than four of numerics.time_step = {step:g} s"
@@ -162,6 +159,8 @@ def _check_motion(scene: Any) -> None:
 
 def _check_times(scene: Any) -> None:
     end, step, rate = scene.motion.end_time, scene.numerics.time_step, scene.sheet.rate_hz
+    if scene.body is None:
+        _within("motion.end_time", end, 0, _LONGEST_RUN, " s", "longer than any stroke of a finger")
     steps = end / step
     if steps > _MAX_STEPS:
         raise ValueError(

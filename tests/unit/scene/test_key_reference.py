@@ -52,8 +52,8 @@ def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(
             tmp_path / "s", more="[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1"
         )
     text = str(caught.value)
-    assert "camera.scale_mm_px: this key is not known; 'scale_mm_per_px' is" in text
-    assert "piv.windows: this key is not known; 'window' is" in text
+    assert "camera.scale_mm_px: this key is not known; did you mean scale_mm_per_px?" in text
+    assert "piv.windows: this key is not known; did you mean window?" in text
     assert "piv.spacing: " in text
     assert "\n" not in text
 
@@ -65,6 +65,6 @@ def test_all_that_is_wrong_in_a_dpiv_toml_is_told_at_once(tmp_path):
     with pytest.raises(ValueError, match="title is missing") as caught:
         read_dpiv(tmp_path)
     text = str(caught.value)
-    assert "titel: this key is not known; 'title' is" in text
+    assert "titel: this key is not known; did you mean title?" in text
     for key in ("files", "scale", "axes", "piv", "frame_rate_hz"):
         assert f"{key} is missing: give " in text

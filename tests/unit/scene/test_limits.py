@@ -84,7 +84,8 @@ NONSENSE = [
         "[numerics]\ntime_step = 1e-3\n[motion]\nend_time = 0.004",
         ["sheet.rate_hz = 500", "2 pictures", "give at least 1000"],
     ),
-    ("[motion]\nend_time = 1e9", ["numerics.time_step", "steps"]),
+    ("[motion]\nend_time = 1e9", ["motion.end_time", "at most 600"]),
+    ("[numerics]\ntime_step = 1e-9", ["numerics.time_step", "steps"]),
     ('mesh = "fine"', ["mesh", "got 'fine'"]),
     ("body = 3", ["body", "got 3"]),
     # accepted and meaningless before
