@@ -34,6 +34,8 @@ html_theme = "furo"
 html_title = "Soft finger in water"
 html_show_copyright = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": True}
 
 # Pages from files outside docs/: heading, file, and pattern of the included text.

@@ -158,7 +158,8 @@ def faults_part(folder: Path) -> list[str]:
         " completes, or is refused in one sentence; one more make then ends with what an"
         " undisturbed run ends with, bit by bit, without its times. A killed make is kill -9 of"
         " it and all it has started, at random times and just after a stage begins to write."
-        f" Damaged inputs ({', '.join(WAYS)}) keep their time, so that only their content tells."
+        f" Inputs are damaged in these ways: {', '.join(WAYS)}."
+        " Their time stays, so only their content tells."
         " Inputs of another scene or level come whole, with their record; they are made again."
         " Each row with its sentence: [faults.csv](stability/faults.csv).\n",
         fault_table(faults),
