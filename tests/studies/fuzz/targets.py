@@ -5,7 +5,6 @@ A reader reads a damaged file or refuses it with one sentence; anything else is 
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -383,8 +382,3 @@ TARGETS = [
 def named(name: str) -> Target:
     """A target by its file's name."""
     return next(target for target in TARGETS if target.name == name)
-
-
-def quiet_libraries() -> None:
-    """Discard the output of the libraries' C code."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
