@@ -25,7 +25,7 @@ def write(folder, text):
 
 
 TANK = st.tuples(st.floats(0.15, 1.0), st.floats(0.15, 0.8))
-STROKES = st.lists(st.floats(-20, 40), min_size=1, max_size=3)
+STROKES = st.lists(st.floats(-20, -1) | st.floats(1, 40), min_size=1, max_size=3)
 STATED = st.sampled_from(["", "", "scale_mm_per_px = 0.1", "centre = [0.02, 0.19]"])
 
 
