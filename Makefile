@@ -78,7 +78,7 @@ validate: .venv-study/.ready ## flows of known answer, and convergence: docs/ver
 	@nice $(PY) -m tests.studies.validation
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
-	@$(RUN) reference
+	@$(PY) -m tests.studies.reference
 	@for scene in $(DOCS); do $(RUN) run cases/$$scene || exit; done
 	@$(PY) -m tests.studies.pictures $(DOCS)
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site

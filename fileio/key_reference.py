@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ast
-import csv
 import inspect
-import io
 import json
 import re
 import textwrap
@@ -140,18 +138,6 @@ def _model_of(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
         if model is not None:
             return model, listed or deeper
     return None, False
-
-
-def csv_text(keys: list[Key], levels: Mapping[str, str] | None = None) -> str:
-    """The keys as CSV, one line each; `levels`: text of a last column, by a key's name."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    more = ["levels"] if levels is not None else []
-    writer.writerow(["key", "type", "unit", "default", "meaning", *more])
-    for key in keys:
-        cells = [key.name, key.type, key.unit, key.default, key.meaning]
-        writer.writerow(cells + ([levels.get(key.name, "")] if levels is not None else []))
-    return text.getvalue()
 
 
 def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:

@@ -218,18 +218,3 @@ class Table:
         if missing:
             raise StageError(f"{path}: column {missing[0]!r} is missing; {self.remedy}")
         return table
-
-
-def rows(schema: Schema) -> list[tuple[str, ...]]:
-    """The schema as rows of docs/reference/formats.csv."""
-    return [
-        (
-            f"{schema.format} {schema.version}",
-            place + v.name,
-            "attribute" if v.dims == "-" else v.dims,
-            v.units,
-            ("optional: " if v.optional else "") + v.meaning,
-        )
-        for place, declared in (("", schema.root), ("<group>/", schema.group))
-        for v in declared
-    ]

@@ -332,16 +332,6 @@ def openfoam() -> None:
 
 
 @app.command
-def reference() -> None:
-    """Write the pages of every key of scene.toml and dpiv.toml, in docs/."""
-    from pipeline.scene_reference import write_reference
-    from postprocess.lab.data.dpiv_reference import write_reference as write_dpiv
-
-    write_reference()
-    write_dpiv()
-
-
-@app.command
 def completion(shell: Annotated[str, Parameter(help="bash, zsh or fish.")]) -> None:
     """Print the completion of a shell: eval "$(softfinger completion bash)"."""
     print(app.generate_completion(shell=shell))  # type: ignore[arg-type]

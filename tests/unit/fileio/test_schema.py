@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from fileio.formats.__main__ import PAGE, table
 from fileio.hdf5 import whole_netcdf
 from fileio.schema import Schema, variables
 
@@ -96,8 +95,3 @@ def test_a_writer_cannot_write_what_no_reader_takes(tmp_path):
     with pytest.raises(StageError, match="'at' is missing"):
         SCHEMA.write(tmp_path / "a.h5", {"time": np.arange(3.0), "width": 1.0})
     assert not (tmp_path / "a.h5").exists()
-
-
-def test_the_reference_lists_the_schemas():
-    """`python -m fileio.formats` writes the table."""
-    assert PAGE.read_text(encoding="utf-8") == table()

@@ -9,9 +9,9 @@ from fileio.key_reference import MISSING
 from pipeline import scene_reference
 from postprocess.lab.data import dpiv_reference
 from postprocess.lab.data.dpiv_toml import read_dpiv
-from tests.conftest import ROOT, write_scene
+from tests.conftest import write_scene
+from tests.studies.reference import FOLDER, PAGES
 
-PAGES = [scene_reference, dpiv_reference]
 KEYS = [*scene_reference.keys(), *dpiv_reference.KEYS]
 # numbers that count, or are shares, powers and seeds
 BARE = {
@@ -21,10 +21,10 @@ BARE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.__name__.rpartition(".")[2])
-def test_the_page_is_what_the_models_say(page):
-    written = (ROOT / page.PAGE).read_text(encoding="utf-8")
-    assert written == page.reference(), "run: softfinger reference"
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_is_what_the_models_say(name):
+    written = (FOLDER / name).read_text(encoding="utf-8")
+    assert written == PAGES[name](), "run: python -m tests.studies.reference"
 
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.name)

@@ -1,0 +1,99 @@
+"""Write docs/reference: the keys of scene.toml and dpiv.toml, and the formats of files.
+
+python -m tests.studies.reference
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+from fileio.atomic import write_text
+from fileio.formats import (
+    bending_states,
+    elastic_motion,
+    finger_loads,
+    kinematics,
+    mesh_intervals,
+    plane_series,
+    recorded_motion,
+    recording,
+    records,
+    vortex_table,
+)
+from fileio.json_text import flat
+from fileio.key_reference import Key
+from pipeline.scene.read_toml import read_layers
+from pipeline.scene_reference import keys
+from postprocess.lab.data.dpiv_reference import KEYS
+from tests.conftest import ROOT
+
+FOLDER = ROOT / "docs" / "reference"
+_MODULES = (
+    plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
+    finger_loads, elastic_motion,
+)  # fmt: skip
+SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
+_TABLES = {
+    "vortices_*.csv": ", ".join(vortex_table.COLUMNS),
+    "run/forces.csv": records.FORCES.header,
+    "run/power.csv": records.POWER.header,
+    "run/power_terms.csv": records.POWER_TERMS.header,
+    "run/history.csv": records.HISTORY.header,
+    "mesh_quality.csv": records.MESH_QUALITY.header,
+}
+_OF_A_KEY = ("key", "type", "unit", "default", "meaning")
+
+
+def formats() -> str:
+    """The variables and attributes of every format."""
+    rows = [
+        (
+            f"{schema.format} {schema.version}",
+            place + v.name,
+            "attribute" if v.dims == "-" else v.dims,
+            v.units,
+            ("optional: " if v.optional else "") + v.meaning,
+        )
+        for schema in SCHEMAS
+        for place, declared in (("", schema.root), ("<group>/", schema.group))
+        for v in declared
+    ]
+    rows += [(file, names, "columns", "SI", "") for file, names in _TABLES.items()]
+    return _csv(("format", "name", "dimensions", "unit", "meaning"), rows)
+
+
+def scene_keys() -> str:
+    """The keys of a scene, and the levels of single_finger that set another value."""
+    levels: dict[str, str] = {}
+    for layer in read_layers(ROOT / "cases" / "single_finger" / "scene.toml"):
+        for level, table in layer.levels.items():
+            for name in flat(table):
+                levels[name] = ", ".join(filter(None, (levels.get(name), level)))
+    return _csv(
+        (*_OF_A_KEY, "levels"), ((*_cells(key), levels.get(key.name, "")) for key in keys())
+    )
+
+
+def dpiv_keys() -> str:
+    """The keys of dpiv.toml."""
+    return _csv(_OF_A_KEY, map(_cells, KEYS))
+
+
+def _cells(key: Key) -> tuple[str, ...]:
+    return key.name, key.type, key.unit, key.default, key.meaning
+
+
+def _csv(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
+    return text.getvalue()
+
+
+PAGES = {"formats.csv": formats, "scene_keys.csv": scene_keys, "dpiv_keys.csv": dpiv_keys}
+
+if __name__ == "__main__":
+    for name, text in PAGES.items():
+        write_text(Path(FOLDER / name), text())
