@@ -79,7 +79,8 @@ def over_time(
             if curve.band is not None:
                 sides = curve.values - curve.band, curve.values + curve.band
                 ax.fill_between(curve.time, *sides, color=curve.colour, alpha=0.2, linewidth=0)
-        ax.set(ylabel=label, ylim=_limits(curves))
+        ax.set_ylim(*_limits(curves))
+        ax.set_ylabel(label, fontsize=9)
         _name_spikes(ax, curves)
         names = [curve.label for curve in curves if curve.label]
         if names:
