@@ -29,6 +29,8 @@ from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
 from tests.analytic.piv.tip_scene import tip_scene
+from tests.studies import viewer_session
+from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
 COPIED = ("pair_dorsal.webp", "pair_ventral.webp", "integrals.svg", "pair.svg", "centreline.svg",
@@ -111,6 +113,8 @@ def main() -> None:
         copy_figures(scene, os.environ.get("LEVEL") or "coarse")
     vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
+    if CHROMIUM and CHROMEDRIVER:
+        viewer_session.main()
 
 
 if __name__ == "__main__":

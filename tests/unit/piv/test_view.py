@@ -3,11 +3,6 @@
 import http.client
 import json
 import re
-import signal
-import socket
-import subprocess
-import sys
-import time
 
 import cv2
 import numpy as np
@@ -24,6 +19,7 @@ from piv.view.scene import open_scene
 from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.studies.piv.particles import render
+from tests.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 SQUARE = [[10.0, 10.0], [30.0, 10.0], [30.0, 40.0]]
@@ -164,30 +160,9 @@ def test_drawings_that_do_not_fit_are_refused(tmp_path, kept, message):
 
 @pytest.fixture(scope="module")
 def address(folder):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    words = [folder / "piv.h5", "--images", folder / "run", "-o", folder / "drawn.json",
-             "--no-browser", "--port", port]  # fmt: skip
-    server = subprocess.Popen(
-        [sys.executable, "-m", "piv", "view", *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        # a job in the background of a shell ignores Ctrl-C, and so would what it starts
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    try:
-        found = re.match(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.stdout.readline())
-        assert found, server.stdout.read()
-        yield found.group()
-        server.send_signal(signal.SIGINT)
-        rest = server.communicate(timeout=60)[0]
-    finally:
-        server.kill()
-    # Ctrl-C: the log holds no traceback, and the usual exit code
-    assert "Traceback" not in rest
-    assert server.returncode == 130
+    drawn = folder / "drawn.json"
+    with serving(folder / "piv.h5", "--images", folder / "run", "-o", drawn) as address:
+        yield address
 
 
 def test_a_stranger_is_refused(address, folder):
@@ -229,62 +204,6 @@ def page(browser, address):
     browser.open(address)
     ready(browser)
     return browser
-
-
-def ready(browser, seconds=90):
-    end = time.monotonic() + seconds
-    while not browser.run("return viewer.ready()"):
-        assert time.monotonic() < end, browser.run("return $('status').textContent")
-        time.sleep(0.1)
-
-
-def until(browser, name, words, seconds=90):
-    """Wait until the element of this name holds the words; returns all that it holds."""
-    end = time.monotonic() + seconds
-    while words not in (text := browser.run(f"return $('{name}').textContent")):
-        assert time.monotonic() < end, f"{words!r} is not in {text!r}"
-        time.sleep(0.1)
-    return text
-
-
-def mouse(browser, kind, x, y, clicks=1):
-    browser.devtools(
-        "Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, clickCount=clicks,
-        button="left", buttons=int(kind != "Released"),
-    )  # fmt: skip
-
-
-def click(browser, x, y, double=False):
-    left, top = browser.run(f"return viewer.screen({x}, {y})")
-    for clicks in range(1, 2 + double):
-        mouse(browser, "Pressed", left, top, clicks)
-        mouse(browser, "Released", left, top, clicks)
-
-
-def drag(browser, start, end):
-    (x, y), (left, top) = (browser.run(f"return viewer.screen({a}, {b})") for a, b in (start, end))
-    mouse(browser, "Pressed", x, y)
-    for part in (0.3, 0.7, 1.0):
-        mouse(browser, "Moved", x + part * (left - x), y + part * (top - y))
-    mouse(browser, "Released", left, top)
-
-
-def tool(browser, name):
-    browser.run(f"document.querySelector('[data-tool={name}]').click()")
-
-
-def polygon(browser, corners):
-    for corner in corners[:-1]:
-        click(browser, *corner)
-        time.sleep(0.6)  # not a double click
-    click(browser, *corners[-1], double=True)
-
-
-def key(browser, name, code):
-    for kind in ("keyDown", "keyUp"):
-        browser.devtools(
-            "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code
-        )
 
 
 def test_the_page_shows_and_asks_nobody_else(page, address):
@@ -329,9 +248,9 @@ def test_measures_of_an_area_and_a_line_and_limits(page):
 def test_a_mask_that_moves_is_drawn_tried_and_saved(page, folder):
     tool(page, "mask")
     polygon(page, SQUARE)
-    for _ in range(2):
+    for _ in range(2):  # faster than the fields arrive
         key(page, "ArrowRight", 39)
-        ready(page)
+    ready(page)
     assert until(page, "time", "4.5") == "4.5 frame"
     drag(page, (25, 20), (35, 20))
     kept = page.run("return viewer.masks()")
