@@ -14,7 +14,6 @@ from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
 from piv.foreign.write import left_out, write_vectors
-from piv.images.calibration import load_calibration
 from piv.images.clock import INTERVAL_HELP, RATE_HELP
 
 
@@ -41,9 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--y-axis", choices=("up", "down"), help="direction of y and of positive v in the file"
     )
     parser.add_argument("--scale-mm-per-px", type=float)
-    parser.add_argument(
-        "--calibration", type=Path, help="calibration .json without a lens, in place of the scale"
-    )
     parser.add_argument("--interval", type=float, help=INTERVAL_HELP)
     parser.add_argument("--rate", type=float, help=f"{RATE_HELP}, of a series without times")
     parser.add_argument(
@@ -74,18 +70,6 @@ def run(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
-    scale = args.scale_mm_per_px
-    shift = np.zeros(2)
-    if args.calibration is not None:
-        if scale is not None:
-            raise ValueError("give --calibration or --scale-mm-per-px, not both")
-        calibration = load_calibration(args.calibration)
-        if calibration.lens is not None:
-            raise ValueError(
-                f"{args.calibration}: has a lens; use 'piv calibrate --apply' on px vectors"
-            )
-        scale = calibration.scale_mm_per_px
-        shift = calibration.origin_px * calibration.pixel
     plane = read_vectors(
         args.input,
         kind=args.kind,
@@ -95,13 +79,10 @@ def run(args: argparse.Namespace) -> None:
         length_unit=args.length_unit,
         velocity_unit=args.velocity_unit,
         y_axis=args.y_axis,
-        scale_mm_per_px=scale,
+        scale_mm_per_px=args.scale_mm_per_px,
         interval_s=args.interval,
         image_rows=args.image_rows,
     )
-    if shift.any():
-        moved = {n: plane[n].copy(data=plane[n] - s) for n, s in zip("xy", shift, strict=True)}
-        plane = plane.assign_coords(moved)
     plane = limited(plane, {n: getattr(args, f"{n}_limits") for n in ("u", "v")})
     files = write_vectors(plane, args.output)
     if lost := left_out(plane, args.output):

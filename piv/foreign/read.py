@@ -65,9 +65,7 @@ def to_plane(
         if unit != "px":
             return LENGTHS[unit]
         if scale_mm_per_px is None or not scale_mm_per_px > 0:
-            raise ValueError(
-                f"{name}: the file is in px; give a positive --scale-mm-per-px or --calibration"
-            )
+            raise ValueError(f"{name}: the file is in px; give a positive --scale-mm-per-px")
         return scale_mm_per_px * 1e-3
 
     if velocity in VELOCITIES:
@@ -237,7 +235,7 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
             f"{name}: is in {length} and {velocity}; a scale or a clock would contradict it"
         )
     if scale is None:
-        raise ValueError(f"{name}: is in px; give --scale-mm-per-px or --calibration too")
+        raise ValueError(f"{name}: is in px; give --scale-mm-per-px too")
     try:
         return calibrate_plane(plane, Calibration(scale), interval, rate)
     except ValueError as error:
