@@ -123,8 +123,12 @@ def run(
     quiet: bool = False,
     view: tuple[float, ...] | None = None,
     output: Path | None = None,
+    most: int | None = None,
 ) -> None:
-    """Write sheet.h5 frame by frame, or another view (m: x0, x1, y0, y1) to `output`."""
+    """Write sheet.h5 frame by frame, or another view (m: x0, x1, y0, y1) to `output`.
+
+    `most`: planes, evenly spread over all; None: all of them.
+    """
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if view is None:
         if scene.body is None and (
@@ -139,6 +143,8 @@ def run(
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     intervals = read_intervals(scene.out)
     planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
+    chosen = np.linspace(0, len(planes) - 1, min(most or len(planes), len(planes)))
+    planes = [planes[k] for k in chosen.round().astype(int)]
     mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
     flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
     path = output or scene.out / "sheet.h5"

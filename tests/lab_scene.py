@@ -15,6 +15,7 @@ from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, sheet_light
 from piv.synthetic.particles import Box, seed_particles
 from postprocess.lab.data.pose import Pose
+from postprocess.lab.registration.silhouette import left_of
 from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
@@ -42,6 +43,12 @@ def stated_pose(kinematics: Kinematics, camera: Camera) -> Pose:
     """What the laboratory believes."""
     at = np.asarray(camera.origin_px) + np.asarray(kinematics.root) / camera.pixel
     return Pose(camera.scale_mm_per_px, 0.0, kinematics.root, (float(at[0]), float(at[1])))
+
+
+def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
+    """Sum of the evidence inside a counter-clockwise outline (point, 2) px."""
+    after = np.roll(outline, -1, axis=0)
+    return sum(left_of(integral, mean, *a, *b) for a, b in zip(outline, after, strict=True))
 
 
 def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:

@@ -175,12 +175,16 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         write_record(run.out, stage, about, sorted(found))
 
 
-def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = False) -> None:
+def make_sheet(
+    run: Run, view: tuple[float, ...], path: Path, quiet: bool = False, most: int | None = None
+) -> None:
     """Sample the laser sheet of a run over another view (m: x0, x1, y0, y1), if stale.
+
+    `most`: of its planes, evenly spread; None: all.
 
     The record lies beside the file.
     """
-    about = {"digest": digest([run.digest("sheet"), view])}
+    about = {"digest": digest([run.digest("sheet"), view, most])}
     record = read_record(path.parent, path.stem)
     same = record is not None and record["digest"] == about["digest"]
     if record and same and not changed_outputs(path.parent, record):
@@ -189,7 +193,7 @@ def make_sheet(run: Run, view: tuple[float, ...], path: Path, quiet: bool = Fals
 
     path.parent.mkdir(parents=True, exist_ok=True)
     record_path(path.parent, path.stem).unlink(missing_ok=True)
-    sample(run.scene, quiet, view=view, output=path)
+    sample(run.scene, quiet, view, path, most)
     write_record(path.parent, path.stem, about, [path])
 
 

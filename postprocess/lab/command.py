@@ -31,6 +31,7 @@ from postprocess.lab.virtual.virtual_laboratory import (
 )
 
 _VIRTUAL_VIEW = -0.075, 0.12, 0.115, 0.275  # m: x0, x1, y0, y1; wider than the camera
+PLANES = 42  # of a run that varies an input: its effect changes slowly
 
 
 def compare_with(
@@ -56,7 +57,7 @@ def compare_with(
         if inputs:
             make(run, "case", machine, quiet)
             if not quiet:
-                print(plan_text(run, runs, known, machine.ranks), flush=True)
+                print(plan_text({"the nominal run": run} | runs, machine.ranks), flush=True)
         for one in (run, *runs.values()):
             make(one, "run", machine, quiet)
         view = tuple(float(v) for v in files.view.read_text(encoding="utf-8").split())
@@ -64,7 +65,7 @@ def compare_with(
         if not inputs:
             shutil.rmtree(files.folder / "inputs", ignore_errors=True)
         for name, one in runs.items():
-            make_sheet(one, view, files.run_sheet(name), quiet)
+            make_sheet(one, view, files.run_sheet(name), quiet, PLANES)
         return _judge(files, dpiv, machine.jobs, quiet)
 
 

@@ -69,7 +69,7 @@ def judged():
     source = {"name": "geometry and material", "kind": "input", "std": [2.34e-4], "how": how}
     numbers = {
         "u_num": [1.23e-4], "u_input": [2.34e-4], "u_D": [3.45e-4], "significance": 12.34,
-        "measurement_part": [4e-4], "finer": [1e-4], "dominant": source["name"],
+        "finer": [1e-4], "dominant": source["name"],
         "sources": [source],
     }  # fmt: skip
     verdicts = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fileio.key_reference import complaints
 from fileio.provenance import check_version
@@ -16,6 +16,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
 VERSION = 3
+TABLES = ("piv", "axes", "scale")
 CAMERA = "columns rows density_ppp diameter_px background read_noise peak scale_mm_per_px"
 HINTS = {
     "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
@@ -36,8 +37,11 @@ HINTS = {
     "piv.interval_s": "interval_s, the time between the two exposures of a vector field, s",
     "axes.turn_std_deg": "turn_deg and turn_std_deg, the turn of the picture against the tank and"
     " how well it is known",
-    "axes.root_mm": "root_mm and root_std_mm, the middle of the finger's root in the files' axes"
-    " and how well it is known, mm",
+    "axes.root_mm": "root_mm, the middle of the finger's root in the files' axes, mm",
+    "axes.root_std_mm": "root_std_mm, how well that is known, mm",
+    "scale.std_percent": "std_percent, how well the scale is known, in per cent",
+    "axes.root_px": "root_px, the position of the root's middle in px, or scale ="
+    " { from_finger = true }",
     "camera": f'camera = {{ {CAMERA.replace(" ", " = …, ")} = … }}, or camera = "none" to leave'
     " out the virtual experiment",
 }
@@ -74,15 +78,6 @@ class Scale(Table):
     def pixel(self) -> float:
         """Size of a pixel in the sheet, m; 0 where no number states it."""
         return (self.scale_mm_per_px or 0.0) * 1e-3
-
-    @model_validator(mode="after")
-    def _one(self) -> Scale:
-        given = [self.scale_mm_per_px is not None, self.calibration is not None, self.from_finger]
-        if sum(given) != 1:
-            raise ValueError(f"give one of {HINTS['scale'].removeprefix('scale = ')}")
-        if not self.from_finger and self.std_percent is None:
-            raise ValueError("std_percent is missing: say how well the scale is known, in per cent")
-        return self
 
 
 class Axes(Table):
@@ -208,11 +203,6 @@ class Dpiv(Table):
     camera: LabCamera | Literal["none"] | None = None
     """Of kind = "vectors": camera and seeding; "none" leaves out the virtual experiment"""
 
-    @model_validator(mode="after")
-    def _whole(self) -> Dpiv:
-        _pictures(self) if self.kind == "pictures" else _vectors(self)
-        return self
-
     @property
     def name(self) -> str:
         """Name of the data: that of its folder."""
@@ -235,82 +225,11 @@ class Dpiv(Table):
         return [str(self.folder / name) for name in self.files]
 
 
-def _check(*faults: tuple[bool, str]) -> None:
-    """ValueError with the message of the first condition that holds."""
-    for wrong, message in faults:
-        if wrong:
-            raise ValueError(message)
-
-
-def _pictures(dpiv: Dpiv) -> None:
-    """ValueError where the keys of pictures contradict each other."""
-    piv, finger = dpiv.piv, dpiv.scale.from_finger
-    _check(
-        (
-            bool(dpiv.vectors or dpiv.camera),
-            'tables [vectors] and [camera] belong to kind = "vectors"; pictures show them',
-        ),
-        (piv.pairing is None, f"piv.pairing is missing: give {HINTS['piv.pairing']}"),
-        (
-            (piv.pairing == "1-2,3-4") != (piv.interval_s is not None),
-            'piv.interval_s, the time between the two exposures, belongs to pairing = "1-2,3-4"; of'
-            ' "1-2,2-3" it follows from frame_rate_hz',
-        ),
-        (
-            dpiv.finger_length_std_mm is None,
-            f"finger_length_std_mm is missing: give {HINTS['finger_length_std_mm']}",
-        ),
-        (
-            dpiv.axes.root_px is None and not finger,
-            "axes.root_px is missing: give the position of the root's middle in px, or"
-            " scale = { from_finger = true }",
-        ),
-        (
-            finger and dpiv.root_hidden_mm > 0,
-            "scale cannot come from a finger whose root is hidden (root_hidden_mm): give a"
-            " calibration or scale_mm_per_px",
-        ),
-    )
-
-
-def _vectors(dpiv: Dpiv) -> None:
-    """ValueError where the keys of vectors contradict each other."""
-    piv, axes = dpiv.piv, dpiv.axes
-    start = HINTS["start"].split(", or")[0]
-    _check(
-        (piv.interval_s is None, f"piv.interval_s is missing: give {HINTS['piv.interval_s']}"),
-        (dpiv.camera is None, f"camera is missing: give {HINTS['camera']}"),
-        (
-            dpiv.start == "from motion",
-            f"start cannot come from the motion without pictures: give {start}",
-        ),
-        (
-            bool(dpiv.scale.from_finger or dpiv.scale.calibration),
-            "scale of vectors without pictures: give"
-            " scale = { scale_mm_per_px = …, std_percent = … }",
-        ),
-        (
-            dpiv.light_from_deg is not None,
-            "light_from_deg is of pictures: vectors do not show the finger; leave it out",
-        ),
-        (
-            piv.pairing is not None or piv.every != 1,
-            "piv.pairing and every are of pictures; vectors need piv.interval_s alone",
-        ),
-        (
-            axes.root_mm is None or axes.root_std_mm is None,
-            "axes.root_mm or root_std_mm is missing: vectors do not show the finger; give"
-            f" {HINTS['axes.root_mm']}",
-        ),
-        (
-            axes.turn_std_deg is None,
-            f"axes.turn_std_deg is missing: give {HINTS['axes.turn_std_deg']}",
-        ),
-    )
-
-
 def read_dpiv(path: Path) -> Dpiv:
-    """Read and check a dpiv.toml (or the one in a folder); FileNotFoundError or ValueError."""
+    """Read and check a dpiv.toml (or the one in a folder); FileNotFoundError or ValueError.
+
+    All that is missing or wrong is in one sentence, what is missing first.
+    """
     path = path / NAME if path.is_dir() else path
     if not path.exists():
         raise FileNotFoundError(
@@ -319,24 +238,60 @@ def read_dpiv(path: Path) -> Dpiv:
         )
     table = read_toml(path)
     check_version(table, path, "dpiv", VERSION, "state it as docs/comparison.md has it")
+    missing, wrong = _of_kind(table)
     try:
-        return Dpiv(**table, folder=path.parent)
+        dpiv = Dpiv(**table, folder=path.parent)
     except ValidationError as error:
-        raise ValueError(f"{path}: {_sentence(error)}") from None
+        for one in error.errors():
+            parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
+            place = tuple(parts)
+            if one["type"] == "missing":
+                missing.insert(0, ".".join(map(str, place)))
+            else:
+                wrong += complaints([one | {"loc": place}], Dpiv)
+    needs = (f"{key} is missing: give {HINTS.get(key, key)}" for key in dict.fromkeys(missing))
+    if faults := "; ".join([*needs, *wrong]):
+        raise ValueError(f"{path}: {faults}")
+    return dpiv
 
 
-def _sentence(error: ValidationError) -> str:
-    """All that is missing or wrong, what is missing first, with what to write."""
-    faults = []
-    for one in sorted(error.errors(), key=lambda e: e["type"] != "missing"):
-        parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
-        place = tuple(parts)
-        key = ".".join(map(str, place))
-        if one["type"] == "missing":
-            faults.append(f"{key} is missing: give {HINTS.get(key, key)}")
-        else:
-            faults += complaints([one | {"loc": place}], Dpiv)
-    return "; ".join(faults)
+def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Keys that pictures or vectors need as well, and sentences on what contradicts its kind."""
+    of = {name: part if isinstance(part := table.get(name), dict) else {} for name in TABLES}
+    piv, axes, scale = (of[name] for name in TABLES)
+    finger, pairing = bool(scale.get("from_finger")), piv.get("pairing")
+    ways = finger + ("calibration" in scale) + ("scale_mm_per_px" in scale)
+    vectors, pictures = (table.get("kind") == kind for kind in ("vectors", "pictures"))
+    needed = {
+        "scale.std_percent": scale and not finger,
+        "camera": vectors,
+        "axes.root_mm": vectors and axes,
+        "axes.root_std_mm": vectors and axes,
+        "axes.turn_std_deg": vectors and axes,
+        "piv.interval_s": (vectors and piv) or (pictures and pairing == "1-2,3-4"),
+        "piv.pairing": pictures and piv,
+        "finger_length_std_mm": pictures,
+        "axes.root_px": pictures and axes and not finger,
+    }
+    given = {*table, *(f"{name}.{key}" for name, part in of.items() for key in part)}
+    faults = {
+        f"scale: give one of {HINTS['scale'][8:]}": scale and ways != 1,
+        f"start cannot come from the motion without pictures: give {HINTS['start'][:43]}": vectors
+        and table.get("start") == "from motion",
+        "scale of vectors: give scale_mm_per_px and std_percent": vectors
+        and (finger or "calibration" in scale),
+        "light_from_deg is of pictures: leave it out": vectors and "light_from_deg" in table,
+        "piv.pairing and every are of pictures; vectors need piv.interval_s alone": vectors
+        and given & {"piv.pairing", "piv.every"},
+        'piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it': pictures
+        and (pairing == "1-2,2-3" and "interval_s" in piv),
+        'tables [vectors] and [camera] belong to kind = "vectors"': pictures
+        and given & {"vectors", "camera"},
+        "scale cannot come from a finger whose root is hidden (root_hidden_mm)": pictures
+        and (finger and table.get("root_hidden_mm")),
+    }
+    missing = [key for key, needs in needed.items() if needs and key not in given]
+    return missing, [text for text, holds in faults.items() if holds]
 
 
 def _is_key(part: str) -> bool:

@@ -37,17 +37,6 @@ LAW = ("factor", "delay", "stretch")
 
 
 @dataclass(frozen=True)
-class Nuisance:
-    """Growth of the outline and its shift to the dorsal side, (2,) px, with their `std`."""
-
-    values: np.ndarray
-    std: np.ndarray
-
-
-NO_NUISANCE = Nuisance(np.zeros(2), np.zeros(2))
-
-
-@dataclass(frozen=True)
 class Law:
     """The recording's motion relative to the simulation's.
 
@@ -72,13 +61,14 @@ class Law:
 class Registration:
     """Pose of the tank frame in the pictures, and the law of motion.
 
-    `covariance`: of (x px, y px, angle, ln magnification). `pressures` and `pressures_std`
+    `covariance`: of (x px, y px, angle, ln magnification). `growth` (px): of the outline, as it is
+    seen. `pressures` and `pressures_std`
     (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by itself.
     """
 
     pose: Pose
     covariance: np.ndarray
-    nuisance: Nuisance
+    growth: float
     law: Law
     times: np.ndarray
     pressures: np.ndarray
@@ -96,11 +86,11 @@ def read_registration(path: Path) -> Registration:
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing; run make compare first")
     whole = REGISTRATION.read(path)
-    law, nuisance = whole["law"], whole["nuisance"]
+    law = whole["law"]
     return Registration(
         _pose(whole["pose"]),
         np.array(whole["covariance"]),
-        Nuisance(np.array(nuisance["values"]), np.array(nuisance["std"])),
+        whole["growth"],
         Law(np.array(law["values"]), np.array(law["covariance"]), float(law["misfit"])),
         np.array(whole["times"]),
         np.array(whole["pressures"]),

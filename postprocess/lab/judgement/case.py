@@ -9,7 +9,6 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
-from fileio.formats.plane_series import usable
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
 
@@ -19,7 +18,9 @@ class Effect:
     """What one run beside the nominal one changes.
 
     `table`: change of the measures at each instant; `bend` (rad) and `duration` (s): of the motion.
-    `per_std`: the part of it that is one standard uncertainty.
+    `per_std`: the part of it that is one standard uncertainty. `share` of the change by which the
+    recording's motion differs, its `share_std` by the registration, and `unlike`: distance of that
+    motion from the run's, relative to the nominal one; None where this is not known.
     """
 
     name: str
@@ -29,6 +30,9 @@ class Effect:
     table: pd.DataFrame
     bend: float
     duration: float
+    share: float | None = None
+    share_std: float = 0.0
+    unlike: float = 0.0
 
     def moves(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
         """Mean change of `columns` over the instants `rows`, (component,)."""
@@ -37,27 +41,12 @@ class Effect:
     def std(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
         """Standard uncertainty of the mean of `columns` over the instants `rows`, (component,).
 
-        Of finer numerics the scatter adds: a difference that is small by chance is no small error.
+        Of finer numerics by the change's RMS: where its sign changes, its mean is no small error.
         """
-        moves, chosen = self.moves(columns, rows), self.table.loc[rows, list(columns)]
         if self.kind == "input":
-            return self.per_std * np.abs(moves)
-        scatter = chosen.std().to_numpy(float) / np.sqrt(chosen.count().to_numpy(float))
-        return np.hypot(self.per_std * np.hypot(moves, scatter), scatter)
-
-
-@dataclass(frozen=True)
-class MotionPart:
-    """Difference of the recording's motion, as a `share` of what the run `effect` changes.
-
-    `std`: of the share, by the registration; `unlike`: its distance from the run's motion,
-    relative to the nominal one.
-    """
-
-    effect: Effect
-    share: float
-    std: float
-    unlike: float
+            return self.per_std * np.abs(self.moves(columns, rows))
+        change = self.table.loc[rows, list(columns)].to_numpy(float)
+        return self.per_std * np.sqrt(np.mean(change**2, axis=0))
 
 
 @dataclass(frozen=True)
@@ -75,23 +64,13 @@ class Case:
     bend_std: float  # rad, of the FEA at the end of the stroke
     fresh_pairs: bool  # whether every pair of the virtual experiment has particles of its own
     effects: list[Effect] = field(default_factory=list)
-    motion: list[MotionPart] = field(default_factory=list)  # where runs tell its effect
-
-    def seen(self) -> np.ndarray:
-        """Vectors (time, y, x) that may be integrated.
-
-        Without pictures those of all sides, since programs mask the body differently; else all.
-        """
-        if self.registration.times.size:
-            return np.ones(self.data["valid"].shape, bool)
-        sides = [side for side in (self.data, self.virtual, self.direct) if side is not None]
-        return np.asarray(np.logical_and.reduce([usable(side).values for side in sides]))
 
     @property
     def finer(self) -> list[Effect]:
         """The runs of finer numerics: what they change is added to the simulation."""
         return [e for e in self.effects if e.kind == "numerical"]
 
-    def effect(self, name: str) -> Effect | None:
-        """The effect of one run; None where it was not made."""
-        return next((e for e in self.effects if e.name == name), None)
+    @property
+    def of_motion(self) -> list[Effect]:
+        """The runs that tell what the recording's own motion changes."""
+        return [e for e in self.effects if e.share is not None]

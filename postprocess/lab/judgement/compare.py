@@ -2,50 +2,42 @@
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from fileio.atomic import sha256, write_text
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.provenance import versions
-from piv.vortices.find import TIP_PART, VortexSettings
+from piv.vortices.find import VortexSettings
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv
 from postprocess.lab.data.files import LabFiles, Registration, read_registration
 from postprocess.lab.data.inputs_toml import Inputs, read_inputs
 from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
-from postprocess.lab.judgement.case import Case, Effect
+from postprocess.lab.judgement.case import Case
+from postprocess.lab.judgement.clock import check_clock
 from postprocess.lab.judgement.flow import compared_instants, effect_of, flow_quantities, tables
 from postprocess.lab.judgement.measures import measure
-from postprocess.lab.judgement.motion import motion_quantities, recorded_motion_parts
+from postprocess.lab.judgement.motion import at_recorded_motion, motion_quantities
 from postprocess.lab.judgement.validation import ValidatedQuantity
 from postprocess.lab.registration.step import fea_band, registration_summary
 from postprocess.lab.virtual.common_grid import CommonGrid, on_common_grid
 
 MOTION = ("final_bend", "duration")  # what the silhouette shows
-COPIED = ["name", "label", "unit", "simulation", "direct", "data", "error"]
-COPIED += ["measurement_part", "finer", "scale", "u_val"]
-
-
-def _effects_of_runs(files: LabFiles, inputs: Inputs, case: Case) -> Iterator[Effect]:
-    """Effects of the runs that were made, seen through this recording's pose, at its instants."""
-    pose = case.registration.pose
-    axes = [case.direct[name].values for name in ("x", "y", "time")]
-    nominal = measure(case, case.direct, "direct")
-    for one in inputs.all:
-        if not files.run_sheet(one.name).exists():
-            continue
-        out = files.stage.out / "inputs" / one.name
-        with read_plane(files.run_sheet(one.name)) as sheet:
-            plane = camera_series(sheet.load(), pose, *axes)
-        yield effect_of(one, plane, read_kinematics(out / "kinematics.h5"), case, nominal)
+# Of the tip's width: smoothing length, of which the circle of the circulation has three. Wider than
+# where a vortex is found in one flow, since meshes and windows then change less of it.
+WIDE = 2 / 9
+LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
+COPIED = ("name", "label", "unit", "simulation", "data", "error", "finer", "scale", "u_val")
+UNCERTAINTIES = ("u_num", "u_input", "u_D", "u_val")
+COMPONENTS = ("simulation", "data", "finer", "explained_by_motion", "error", *UNCERTAINTIES)
 
 
 def run_comparison(
@@ -59,20 +51,26 @@ def run_comparison(
         files, dpiv, kinematics, registration, seed=seed, threads=threads, quiet=quiet
     )
     case = _make_case(files, dpiv, kinematics, registration, planes, inputs)
+    check_clock(case)
     result, series = compare(case, inputs)
     direct, made = planes.direct, {e.name for e in case.effects}
-    plane = "dwdz" in direct and not np.any(np.nan_to_num(direct["dwdz"].values))
+    run = RUN.read(files.stage.required("run/run.json", "run"))
     result |= {
         "scene": files.stage.scene,
         "level": files.stage.level,
         "data": dpiv.title,
         "name": dpiv.name,
         "kind": dpiv.kind,
-        "two_dimensional": plane,
+        "two_dimensional": "dwdz" in direct and not np.any(np.nan_to_num(direct["dwdz"].values)),
         "finger_geometry": dpiv.finger_geometry,
         "missing_runs": [one.name for one in inputs.all if one.name not in made],
         "appearance": planes.appearance,
-        "provenance": _provenance(files, dpiv, seed),
+        "provenance": {
+            "versions": versions(*LIBRARIES) | run.get("versions", {}),
+            "dpiv_sha256": sha256(dpiv.folder / NAME),
+            "seed": seed,
+            "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
+        },
     }
     LAB_COMPARISON.write(files.comparison, result)
     write_text(files.folder / "comparison.csv", quantity_table(result).to_csv(index=False))
@@ -88,29 +86,31 @@ def _make_case(
     planes: CommonGrid,
     inputs: Inputs,
 ) -> Case:
-    """The data of the budgets, with the effects of the runs."""
+    """What is compared, with the effects of the runs seen through this recording's pose."""
     settings = files.stage.numbers.vortices.model_dump(mode="json")
-    geometry, bend_std = fea_band(files, dpiv)
-    px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
-    if dpiv.kind == "vectors":
-        px *= dpiv.scale.pixel
-    window = dpiv.piv.window * px
+    pose = registration.pose
+    px = pose.pixel  # m; of vectors the picture's unit is the stated metre
+    window = dpiv.piv.window * (px * dpiv.scale.pixel if dpiv.kind == "vectors" else px)
     # one scale for all sides, although their windows differ
-    scale = max(TIP_PART * kinematics.tip_width, 0.5 * window)
-    settings |= {"scale": settings["scale"] or scale, "correlation_length": window}
-    case = Case(
-        kinematics,
-        registration,
-        planes.data,
-        planes.virtual,
-        planes.direct,
-        VortexSettings(**settings),
-        window,
-        geometry,
-        bend_std,
-        dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4",
-    )
-    case.effects.extend(_effects_of_runs(files, inputs, case))
+    scale = settings["scale"] or max(WIDE * kinematics.tip_width, 0.5 * window)
+    vortices = VortexSettings(**settings | {"scale": scale, "correlation_length": window})
+    fresh = dpiv.kind == "vectors" or dpiv.piv.pairing == "1-2,3-4"
+    sides = planes.data, planes.virtual, planes.direct, vortices
+    case = Case(kinematics, registration, *sides, window, *fea_band(files, dpiv), fresh)
+    x, y = (case.direct[name].values for name in ("x", "y"))
+
+    def seen(path: Path, times: np.ndarray | None = None) -> xr.Dataset:
+        with read_plane(path) as sheet:
+            whole = sheet.load()
+        return camera_series(whole, pose, x, y, whole["time"].values if times is None else times)
+
+    made = [one for one in inputs.all if files.run_sheet(one.name).exists()]
+    for k, one in enumerate(made):
+        plane = seen(files.run_sheet(one.name))
+        if k == 0:
+            nominal = measure(case, seen(files.sheet, plane["time"].values), "direct")
+        run = read_kinematics(files.stage.out / "inputs" / one.name / "kinematics.h5")
+        case.effects.append(effect_of(one, plane, nominal, run, case))
     return case
 
 
@@ -119,11 +119,10 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
 
     The flow is judged at the recording's own motion, where its effect is known.
     """
-    case = replace(case, motion=recorded_motion_parts(case))
+    case = at_recorded_motion(case)
     measured = tables(case)
     rows, own = compared_instants(case, measured)
-    quantities = motion_quantities(case) if case.registration.times.size else []
-    quantities += flow_quantities(case, measured, rows, own)
+    quantities = [*motion_quantities(case), *flow_quantities(case, measured, rows, own)]
     level = budget.joint_level(len(quantities))
     judged = [_judged(q, inputs.too_uncertain, level) for q in quantities]
     moves, flows = motion_verdict(judged), flow_verdict(judged)
@@ -181,19 +180,6 @@ def _judged(q: ValidatedQuantity, too_uncertain: float, level: float) -> dict[st
     }
 
 
-def _provenance(files: LabFiles, dpiv: Dpiv, seed: int) -> dict[str, Any]:
-    run = RUN.read(files.stage.required("run/run.json", "run"))
-    names = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
-    return {
-        "versions": {"python": platform.python_version()}
-        | versions(*names)
-        | run.get("versions", {}),
-        "dpiv_sha256": sha256(dpiv.folder / NAME),
-        "seed": seed,
-        "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
-    }
-
-
 def _series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Every quantity of every side over time (s of the simulation), with the bend angles."""
     out = pd.DataFrame({"time": case.direct["time"].values})
@@ -205,10 +191,6 @@ def _series_table(case: Case, measured: dict[str, pd.DataFrame]) -> pd.DataFrame
     return out
 
 
-COMPONENTS = ["simulation", "direct", "data", "finer", "explained_by_motion", "error"]
-COMPONENTS += ["u_num", "u_input", "u_D", "u_val"]
-
-
 def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
     """One row per quantity and component, SI.
 
@@ -217,11 +199,8 @@ def quantity_table(result: dict[str, Any]) -> pd.DataFrame:
     rows = []
     for q in result["quantities"]:
         for k, axis in enumerate(("x", "y") if len(q["error"]) == 2 else ("",)):
-            known = {"quantity": q["name"], "component": axis, "unit": q["unit"]}
-            verdict = {"k": q["k"], "verdict": q["verdict"], "dominant_source": q["dominant"]}
-            rows.append(known | {name: _component(q[name], k) for name in COMPONENTS} | verdict)
+            row = {"quantity": q["name"], "component": axis, "unit": q["unit"]}
+            row |= {name: None if q[name] is None else float(q[name][k]) for name in COMPONENTS}
+            row |= {"k": q["k"], "verdict": q["verdict"], "dominant_source": q["dominant"]}
+            rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _component(values: np.ndarray | None, k: int) -> float | None:
-    return None if values is None else float(values[k])

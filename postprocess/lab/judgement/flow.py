@@ -11,35 +11,48 @@ import pandas as pd
 import xarray as xr
 
 from fileio.formats.kinematics import Kinematics
+from fileio.formats.plane_series import usable
 from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.case import Case, Effect
 from postprocess.lab.judgement.measures import COLUMNS, measure, scatter
 from postprocess.lab.judgement.motion import motion_of_run
-from postprocess.lab.judgement.validation import Source, ValidatedQuantity
+from postprocess.lab.judgement.validation import POSTERIOR, Source, ValidatedQuantity
 
 VORTEX = {  # quantity: columns, unit, label
     "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
     "centre": (("x", "y"), "m", "centre of the tip vortex"),
 }
-FEWEST = 3  # instants
+FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
 # it may differ by as much
 UNLIKE = 1 / 3
-POSTERIOR = "posterior of the registration"
 
 
 def tables(case: Case) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
     sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
-    return {name: measure(case, p, name) for name, p in sides.items() if p is not None}
+    there = {name: plane for name, plane in sides.items() if plane is not None}
+    # without pictures the vectors of all sides, since programs mask the body differently
+    seen = case.registration.times.size > 0 or np.logical_and.reduce(
+        [usable(plane).values for plane in there.values()]
+    )
+    return {name: measure(case, plane, name, seen) for name, plane in there.items()}
 
 
 def effect_of(
-    one: Input | Numerics, plane: xr.Dataset, run: Kinematics, case: Case, nominal: pd.DataFrame
+    one: Input | Numerics, plane: xr.Dataset, nominal: pd.DataFrame, run: Kinematics, case: Case
 ) -> Effect:
-    """The effect of a run with `plane`; `nominal`: the `measure` of `case.direct`."""
-    table = (measure(case, plane, one.name) - nominal)[list(COLUMNS)]
+    """The effect of a run with `plane`; `nominal`: the nominal run's `measure` at its instants."""
+    change = measure(case, plane, one.name)[list(COLUMNS)] - nominal[list(COLUMNS)]
+    known, times = change["circulation"].notna(), case.direct["time"].values
+    at = nominal["time"][known]
+    table = pd.DataFrame(
+        {
+            name: np.interp(times, at, values[known], np.nan, np.nan)
+            for name, values in change.items()
+        }
+    )
     if isinstance(one, Input):
         kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
     else:
@@ -82,7 +95,7 @@ def compared_instants(
             parts += [e.std(("circulation",), rows)[0] for e in case.finer]
             return float(np.linalg.norm(parts))
 
-        begin = min(range(at.size - FEWEST + 1), key=predicted)
+        begin = min(range(at.size - max(FEWEST, int(LEAST * at.size)) + 1), key=predicted)
     chosen = np.zeros(ok.size, bool)
     chosen[at[begin:]] = True
     return chosen, own
@@ -111,69 +124,59 @@ def flow_quantities(
 ) -> list[ValidatedQuantity]:
     """Circulation and centre with all their sources, as means over the instants `rows`."""
     simulated = "virtual" if "virtual" in measured else "direct"
-    times, swirl = case.direct["time"].values, _swirl(measured["data"], rows)
+    times, registration = case.direct["time"].values[rows], case.registration
+    alike = independent_instants(times, _swirl(measured["data"], rows), case.window_m)
     out = []
     for name, (columns, unit, label) in VORTEX.items():
-        names = list(columns)
         ours, direct, theirs = (
-            measured[side].loc[rows, names].mean().to_numpy(float)
+            measured[side].loc[rows, list(columns)].to_numpy(float)
             for side in (simulated, "direct", "data")
         )
-        error = (measured[simulated] - measured["data"]).loc[rows, names].to_numpy(float)
-        each = {side: np.array([s[c] for c in columns]) for side, s in own.items()}
-        random, instant = _random_sources(case, times[rows], swirl, error, each)
-        rate = np.gradient(measured["direct"].loc[rows, names].to_numpy(float), times[rows], axis=0)
-        sources = [
-            *run_sources(case, columns, rows),
-            *motion_sources(case, columns, rows),
-            *random,
-            *_registration_sources(case, name, theirs, rate.mean(axis=0)),
+        scatter = {side: np.array([s[c] for c in columns]) for side, s in own.items()}
+        excess = excess_scatter(
+            times, ours - theirs, np.sum([std**2 for std in scatter.values()], axis=0)
+        )
+        value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
+        delay = np.abs(rate) * registration.law.std("delay")
+        if name == "circulation":  # goes with the square of the scale
+            seat = "scale", 2 * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+        else:
+            turn = place_jacobian(registration.pose, value)
+            seat = "pose", np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
+        found = [
+            ("scatter", excess / np.sqrt(alike), "scatter of E beyond the vectors' uncertainty"),
+            ("time", delay, "fit of the finger's motion"),
+            (*seat, POSTERIOR),
         ]
+        for side, std in scatter.items():
+            count = times.size if side == "virtual" and case.fresh_pairs else alike
+            how = f"{count:.1f} of {times.size} instants count as independent"
+            found.append(
+                ("vectors" if side == "data" else "virtual vectors", std / count**0.5, how)
+            )
         if simulated == "virtual":
             how = "a third of what PIV changes of the simulation: the other flow may be unlike"
-            sources.append(Source("PIV", "data", UNLIKE * np.abs(ours - direct), how))
+            found.append(("PIV", UNLIKE * np.abs((ours - direct).mean(axis=0)), how))
+        sources = [Source(what, "data", std, how) for what, std, how in found]
         added = sum((e.moves(columns, rows) for e in case.finer), np.zeros(len(columns)))
-        fixed = [s for s in sources if s not in random]
         quantity = ValidatedQuantity(
             name,
             label,
             unit,
-            ours + added,
-            direct + added,
-            theirs,
-            case.kinematics.tip_width if name == "centre" else float(abs(theirs[0])),
-            sources,
+            ours.mean(axis=0) + added,
+            value,
+            case.kinematics.tip_width if name == "centre" else float(abs(value[0])),
+            run_sources(case, columns, rows) + sources,
             explained_by_motion(case, columns, rows),
             added if case.finer else None,
-            _at_instant(fixed, instant),
         )
+        known = np.hypot(quantity.u_kind("numerical"), quantity.u_kind("input"))
+        quantity.instant["data"] = np.hypot(
+            np.hypot(scatter["data"], excess), quantity.u_kind("data")
+        )
+        quantity.instant["simulation"] = np.hypot(scatter.get("virtual", 0.0), known)
         out.append(quantity)
     return out
-
-
-def _random_sources(
-    case: Case, times: np.ndarray, swirl: float, error: np.ndarray, own: dict[str, np.ndarray]
-) -> tuple[list[Source], dict[str, np.ndarray]]:
-    """Random sources of a mean over instants (s), and each side's scatter at one instant.
-
-    `swirl` (m/s) carries particles through a window; `error` (instant, component); `own`: scatter
-    of one instant by the vectors' uncertainty, (component,) by side.
-    """
-    alike = independent_instants(times, swirl, case.window_m)
-    sources = []
-    for side, std in own.items():
-        count = float(times.size) if side == "virtual" and case.fresh_pairs else alike
-        whose = " of the virtual experiment" if side == "virtual" else ""
-        how = f"Monte Carlo over the vectors' uncertainty{whose}; {count:.1f} of {times.size}"
-        how += " instants count as independent"
-        std_of_mean = std / np.sqrt(count)
-        sources.append(Source("vectors" if side == "data" else "virtual vectors", "data",
-                              std_of_mean, how))  # fmt: skip
-    excess = excess_scatter(times, error, np.sum([std**2 for std in own.values()], axis=0))
-    how = "scatter of E from instant to instant beyond the vectors' uncertainty"
-    sources.append(Source("scatter", "data", excess / np.sqrt(alike), how))
-    simulation = own.get("virtual", np.zeros_like(excess))
-    return sources, {"data": np.hypot(own["data"], excess), "simulation": simulation}
 
 
 def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -187,30 +190,6 @@ def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -
     rest = error - basis @ np.linalg.lstsq(basis, error, rcond=None)[0]
     seen = np.sum(rest**2, axis=0) / (times.size - basis.shape[1])
     return np.sqrt(np.maximum(seen - variance, 0.0))
-
-
-def _at_instant(fixed: list[Source], scatter: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Standard uncertainty of each side at one instant: `scatter`, and the `fixed` sources."""
-    other = {side: np.zeros_like(std) for side, std in scatter.items()}
-    for source in fixed:
-        other["data" if source.kind == "data" else "simulation"] += source.std**2
-    return {side: np.sqrt(std**2 + other[side]) for side, std in scatter.items()}
-
-
-def _registration_sources(
-    case: Case, name: str, value: np.ndarray, rate: np.ndarray
-) -> list[Source]:
-    """Effect of the uncertainty of pose and time on a quantity of the data."""
-    registration = case.registration
-    time = Source(
-        "time", "data", np.abs(rate) * registration.law.std("delay"), "fit of the finger's motion"
-    )
-    if name == "circulation":  # goes with the square of the scale
-        std = np.abs(value) * 2.0 * np.sqrt(registration.covariance[3, 3])
-        return [time, Source("scale", "data", std, POSTERIOR)]
-    jacobian = place_jacobian(registration.pose, value)
-    std = np.sqrt(np.diag(jacobian @ registration.covariance @ jacobian.T))
-    return [time, Source("pose", "data", std, POSTERIOR)]
 
 
 def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
@@ -227,32 +206,24 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
 def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[Source]:
     """Uncertainty of inputs and numerics by the runs beside the nominal one.
 
-    Inputs of the motion count only where the recording does not show it. The FEA's band of the
-    bend angle counts as the pressure that bends as much, scaled from the pressure's run.
-    """
-    seen = [part.effect.name for part in case.motion]
-    effects = (e for e in case.effects if e.name not in seen)
-    sources = [Source(e.name, e.kind, e.std(columns, rows), e.how) for e in effects]
-    effect = case.effect("pressure")
-    if not case.geometry or effect is None or seen:
-        return sources
-    std = np.abs(effect.moves(columns, rows)) * (case.bend_std / abs(effect.bend))
-    how = "FEA's band, scaled from the run of the pressure"
-    return [*sources, Source("geometry and material", "input", std, how)]
-
-
-def motion_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[Source]:
-    """Uncertainty of the recording's motion and of its linear effect.
-
-    Flow goes with 1/(1 + x) for a motion x slower: a line through the run's x₀ is off by
-    x(x − x₀), the part x − x₀ of what the motion explains.
+    Where the recording shows the motion, how well it is known takes the place of the inputs of the
+    motion, and its effect is linear: flow goes with 1/(1 + x) for a motion x slower, and a line
+    through the run's x₀ is off by x(x − x₀), the part x − x₀ of what the motion explains. Else the
+    FEA's band of the bend counts as the pressure that bends as much.
     """
     sources = []
-    for part in case.motion:
-        moves, name = np.abs(part.effect.moves(columns, rows)), part.effect.name
-        sources.append(Source(f"{name} as recorded", "data", moves * part.std, POSTERIOR))
-        std, how = moves * abs(part.share) * part.unlike, "effect of the motion taken for linear"
-        sources.append(Source(f"{name}, linear", "input", std, how))
+    for e in case.effects:
+        moves = np.abs(e.moves(columns, rows))
+        if e.share is None:
+            sources.append(Source(e.name, e.kind, e.std(columns, rows), e.how))
+        else:
+            std, how = moves * e.share_std, POSTERIOR
+            sources.append(Source(f"{e.name} as recorded", "data", std, how))
+            std, how = moves * abs(e.share) * e.unlike, "effect of the motion taken for linear"
+            sources.append(Source(f"{e.name}, linear", "input", std, how))
+        if e.name == "pressure" and case.geometry and not case.of_motion:
+            std, how = moves * case.bend_std / abs(e.bend), "FEA's band, by the pressure's run"
+            sources.append(Source("geometry and material", "input", std, how))
     return sources
 
 
@@ -260,6 +231,5 @@ def explained_by_motion(
     case: Case, columns: tuple[str, ...], rows: np.ndarray
 ) -> np.ndarray | None:
     """Part of S − D due to the difference of the motions; None where that is not known."""
-    if not case.motion:
-        return None
-    return -np.sum([part.share * part.effect.moves(columns, rows) for part in case.motion], axis=0)
+    parts = [e.share * e.moves(columns, rows) for e in case.of_motion if e.share is not None]
+    return -np.sum(parts, axis=0) if parts else None

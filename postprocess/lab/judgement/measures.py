@@ -15,14 +15,15 @@ COLUMNS = ("circulation", "x", "y")
 _MORE = ("radius", *(f"{name}_random_std" for name in COLUMNS))
 
 
-def measure(case: Case, plane: xr.Dataset, name: str) -> pd.DataFrame:
+def measure(
+    case: Case, plane: xr.Dataset, name: str, seen: np.ndarray | bool = True
+) -> pd.DataFrame:
     """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
 
     With their random standard uncertainties, over time; NaN where there is no vortex.
-    Vectors that are not `seen` on all sides do not count. ValueError where no vortex is near the
-    finger's tip.
+    Vectors that are not `seen` do not count. ValueError where no vortex is near the finger's tip.
     """
-    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & case.seen())
+    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
     table = tabulate_vortices(counted, case.vortices)
     table = table[table["bridged"] == 0]
     times = plane["time"].values

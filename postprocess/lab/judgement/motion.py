@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.files import Registration
-from postprocess.lab.judgement.case import Case, MotionPart
-from postprocess.lab.judgement.validation import Source, ValidatedQuantity
+from postprocess.lab.judgement.case import Case
+from postprocess.lab.judgement.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.registration.register import fit_law
 
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
@@ -48,7 +50,7 @@ def final_bend(kinematics: Kinematics, factor: float) -> float:
 def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
     """Differences of a run's motion from the nominal one: final bend (rad), duration (s)."""
     times = np.linspace(*nominal.time, 201)
-    values, _, _ = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
+    values = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
     bend = final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0)
     return bend, stroke_duration(nominal) * (float(values[2]) - 1)
 
@@ -62,51 +64,51 @@ def stroke_duration(kinematics: Kinematics) -> float:
     return last - first
 
 
-def recorded_motion_parts(case: Case) -> list[MotionPart]:
-    """The recording's bend and duration in changes of the runs `pressure` and `duration`.
+def at_recorded_motion(case: Case) -> Case:
+    """The case with the recording's bend and duration in changes of the runs of pressure and time.
 
-    None where the motion was not seen, or those runs were not made.
+    As it is where the motion was not seen, or those runs were not made.
     """
-    pressure, duration = case.effect("pressure"), case.effect("duration")
-    if case.registration.times.size == 0 or pressure is None or duration is None:
-        return []
-    law, (bend, length) = case.registration.law, _motion_values(case)
-    parts = []
-    for effect, own, (simulated, seen), std in (
-        (pressure, pressure.bend, bend, _bend_std(case)),
-        (duration, duration.duration, length, length[0] * law.std("stretch")),
-    ):
+    named = {e.name: e for e in case.effects}
+    if case.registration.times.size == 0 or not {"pressure", "duration"} <= set(named):
+        return case
+    values, stds = _motion_values(case), _motion_stds(case)
+    for name, (simulated, seen), std in zip(("pressure", "duration"), values, stds, strict=True):
+        own = named[name].bend if name == "pressure" else named[name].duration
         share, unlike = (seen - simulated) / own, abs(seen - simulated - own) / abs(simulated)
-        parts.append(MotionPart(effect, share, std / abs(own), unlike))
-    return parts
+        named[name] = replace(named[name], share=share, share_std=std / abs(own), unlike=unlike)
+    return replace(case, effects=list(named.values()))
 
 
-def _bend_std(case: Case) -> float:
-    """Standard uncertainty of the recording's final bend angle (rad) by the silhouette."""
+def _motion_stds(case: Case) -> tuple[float, float]:
+    """Standard uncertainties of the recording's final bend (rad) and duration (s)."""
     law = case.registration.law
     factor = float(law.values[0])
     ahead, here = (final_bend(case.kinematics, factor + step) for step in (0.01, 0.0))
-    return abs(ahead - here) / 0.01 * law.std("factor")
+    bend = abs(ahead - here) / 0.01 * law.std("factor")
+    return bend, stroke_duration(case.kinematics) * law.std("stretch")
 
 
 def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke, simulated and recorded."""
-    bend, length = _motion_values(case)
-    stds = _bend_std(case), length[0] * case.registration.law.std("stretch")
-    how = "posterior of the registration"
-    one = lambda v: np.array([v])  # noqa: E731
-    of_bend, of_length = ([Source("silhouette", "data", one(std), how)] for std in stds)
-    for e in (e for e in case.effects if e.kind == "input"):
-        for sources, change in ((of_bend, e.bend), (of_length, e.duration)):
-            sources.append(Source(e.name, "input", one(abs(change) * e.per_std), e.how))
-    if case.geometry:
-        band = one(case.bend_std)
-        of_bend.append(Source("geometry and material", "input", band, "FEA's band"))
-    quantities = (
-        ("final_bend", "bend angle at the end", "rad", bend, abs(bend[1]), of_bend),
-        ("duration", "duration of the stroke", "s", length, length[1], of_length),
+    if case.registration.times.size == 0:
+        return []
+    names = (
+        ("final_bend", "bend angle at the end", "rad"),
+        ("duration", "duration of the stroke", "s"),
     )
-    return [
-        ValidatedQuantity(name, label, unit, one(s), one(s), one(d), scale, sources)
-        for name, label, unit, (s, d), scale, sources in quantities
-    ]
+    inputs = [e for e in case.effects if e.kind == "input"]
+    changes = ([e.bend for e in inputs], [e.duration for e in inputs])
+    out = []
+    for name, values, std, change in zip(
+        names, _motion_values(case), _motion_stds(case), changes, strict=True
+    ):
+        sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
+        for e, moved in zip(inputs, change, strict=True):
+            sources.append(Source(e.name, "input", np.array([abs(moved) * e.per_std]), e.how))
+        if case.geometry and name[0] == "final_bend":
+            band = np.array([case.bend_std])
+            sources.append(Source("geometry and material", "input", band, "FEA's band"))
+        s, d = (np.array([v]) for v in values)
+        out.append(ValidatedQuantity(*name, s, d, abs(values[1]), sources))
+    return out

@@ -15,6 +15,7 @@ from scipy.stats import chi2, ncx2
 LEVEL = 0.95
 KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
 AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
+POSTERIOR = "posterior of the registration"
 DIFFERS = "differs within the inputs"  # beyond the data's uncertainty, within the inputs'
 
 
@@ -30,7 +31,7 @@ class Source:
 
 @dataclass(frozen=True)
 class ValidatedQuantity:
-    """One quantity: simulation (seen by PIV, and direct) and data, (component,), in SI.
+    """One quantity: simulation (seen by PIV) and data, (component,), in SI.
 
     `scale`: its size, for percentages. `explained`: part of S − D due to the difference of the
     motions, which is not in E; None where it is not known. `finer`: part of S that the finer runs
@@ -41,7 +42,6 @@ class ValidatedQuantity:
     label: str
     unit: str
     simulation: np.ndarray
-    direct: np.ndarray
     data: np.ndarray
     scale: float
     sources: list[Source] = field(default_factory=list)
@@ -54,11 +54,6 @@ class ValidatedQuantity:
         """E, (component,): S − D at the recording's motion, where its effect is known."""
         difference = self.simulation - self.data
         return difference if self.explained is None else difference - self.explained
-
-    @property
-    def measurement_part(self) -> np.ndarray:
-        """Part of direct S − D that the measurement causes."""
-        return self.direct - self.simulation
 
     @property
     def u_val(self) -> np.ndarray:

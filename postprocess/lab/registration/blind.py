@@ -1,25 +1,15 @@
-"""Pixels that are left out of the fit: behind a holder, in the finger's shadow, at a reflection.
+"""Pixels that are left out of the fit: behind a holder, or in the finger's shadow.
 
 Nothing can be fitted to the shaded side; the lit side and the known thickness place the finger.
 """
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.fit_outline import outline_table
-from postprocess.lab.registration.outline_profile import (
-    OutlineProfile,
-    Seen,
-    bright_side,
-    dense,
-    outline_profile,
-)
 
-BRIGHT_PX = 6  # to either side of an edge that reflects, where its light moves and adds particles
 # of the finger's depth along the light: what is deeper is as dark as the shadow behind it
 UNSEEN_SIDE = 0.5
 
@@ -47,7 +37,7 @@ def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]
     ray = np.rint(across).astype(int) - first
     out = np.zeros((len(outlines), rows, columns), bool)
     for frame, outline in enumerate(outlines):
-        along, _ = dense(outline, 2)
+        along = dense(outline, 2)[0]
         at = np.rint(along[:, 1] * onward[0] - along[:, 0] * onward[1]).astype(int) - first
         inside = (at >= 0) & (at <= ray.max())
         lit, behind = np.full(ray.max() + 1, np.inf), np.full(ray.max() + 1, -np.inf)
@@ -57,32 +47,6 @@ def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]
         lit[met] += UNSEEN_SIDE * (behind - lit)[met]
         out[frame] = depth > lit[ray]
     return out
-
-
-def _bright_band(outlines: np.ndarray, on_side: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Pixels (frame, rows, columns) along the points `on_side` (point,) of outlines (px, y up)."""
-    out = np.zeros((len(outlines), *shape), np.uint8)
-    ends = np.flatnonzero(on_side & np.roll(on_side, -1))
-    for image, outline in zip(out, outlines, strict=True):
-        corners = np.column_stack([outline[:, 0], shape[0] - 1 - outline[:, 1]])
-        corners = np.round(corners * 16).astype(np.int32)
-        for k in ends:
-            one, other = corners[k], corners[(k + 1) % len(corners)]
-            cv2.line(image, one.tolist(), other.tolist(), 1, 2 * BRIGHT_PX + 1, cv2.LINE_8, 4)
-    return out.astype(bool)
-
-
-def seen_profile(seen: Seen, blind: np.ndarray | None) -> tuple[OutlineProfile, np.ndarray | None]:
-    """`outline_profile` without a side that reflects, and `blind` with the pixels along it."""
-    images, _, kinematics, *_ = seen
-    profile = outline_profile(*seen, blind)
-    side = bright_side(profile)
-    if side == 0:
-        return profile, blind
-    on_side = outline_table(kinematics)[2][0, :, 2] == side
-    band = _bright_band(profile.outlines, on_side, images[0].shape)
-    blind = band if blind is None else blind | band
-    return outline_profile(*seen, blind), blind
 
 
 def blind_parts(
@@ -102,3 +66,12 @@ def blind_parts(
         return None if dark is None else np.broadcast_to(dark, (len(outlines), *shape))
     shaded = shaded_parts(outlines, light_from, shape)
     return shaded if dark is None else shaded | dark
+
+
+def dense(outline: np.ndarray, per_px: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a closed outline (px), at least `per_px` in a pixel, and the corner before each."""
+    after = np.roll(outline, -1, axis=0)
+    pieces = np.maximum(np.ceil(per_px * np.hypot(*(after - outline).T)).astype(int), 1)
+    of = np.repeat(np.arange(len(outline)), pieces)
+    share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
+    return (1 - share) * outline[of] + share * after[of], of

@@ -14,32 +14,31 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Registration
-from postprocess.lab.registration.blind import blind_parts, seen_profile
+from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.check_motion import check_motion
-from postprocess.lab.registration.fit_outline import NUISANCE_STD
+from postprocess.lab.registration.fit_outline import shapes_of
 from postprocess.lab.registration.outline_profile import (
     EDGE,
     FAR,
     INSIDE,
     NAMES,
     NEAR,
-    NEXT,
-    ON_EDGE,
     SIDES,
-    SURE,
     OutlineProfile,
     independent_share,
-    seen_outlines,
+    outline_profile,
 )
-from postprocess.lab.registration.register import LEARN_FROM, ROOT_STD, TURN_STD, chosen_frames
-from postprocess.lab.registration.silhouette import learn
+from postprocess.lab.registration.register import GROWTH_STD, ROOT_STD, TURN_STD, Known, learned
 
 GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations from a stated or plausible value
-# ratio to the water's own density: at least beside the outline, at most within it
-MISSING, WITHIN = 0.8, 0.08
+SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
+# Ratios to the water's own density: beside the outline at least (seeding is uneven there, but what
+# is denser bounds the outline as well), and within it at most; on the edge, to that beside it.
+MISSING, WITHIN, ON_EDGE = 0.35, 0.08, 1.25
 BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
 SHADOW = "particles are missing beside it, as in a shadow"
+UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a reflection"
 BRIGHT = "it is brighter than the water, as by a reflection"
 GREEN, RED = (103, 194, 39), (66, 60, 235)  # BGR
 
@@ -58,70 +57,57 @@ class FitCheck:
 
 
 def check_fit(
-    recording: Recording,
-    times: np.ndarray,
-    registration: Registration,
-    kinematics: Kinematics,
-    *,
-    scale_std: float | None,
-    turn_std: float | None = None,
-    paired: bool = False,
-    hidden: float = 0.0,
-    light_from: float | None = None,
+    recording: Recording, registration: Registration, kinematics: Kinematics, known: Known
 ) -> FitCheck:
-    """Check a registration against its pictures; arguments as of `register`, `turn_std` in rad."""
-    chosen = chosen_frames(recording, paired)
-    images = [recording.frame(int(i)) for i in chosen]
-    evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
-    seen = kinematics, registration.pose, registration.pressures, registration.nuisance.values
-    drawn = np.empty((len(images), 0, 2)) if light_from is None else seen_outlines(*seen)
-    blind = blind_parts(drawn, registration.pose, kinematics, recording.shape, hidden, light_from)
-    profile, _ = seen_profile((images, evidence, *seen), blind)
+    """Check a registration against its pictures and what is `known`."""
+    images = [recording.frame(int(i)) for i in known.chosen(len(recording))]
+    pose, shapes = registration.pose, shapes_of(kinematics)
+    evidence = learned(images, known, pose, kinematics.tip_width)
+    seen = images, evidence, shapes, pose, registration.pressures, registration.growth
+    profile = outline_profile(*seen)
+    outlines, shape = profile.outlines, recording.shape
+    blind = blind_parts(outlines, pose, kinematics, shape, known.hidden, known.light_from)
+    if blind is not None:
+        profile = outline_profile(*seen, blind)
     parts = _wrong_parts(profile)
-    motion = check_motion(kinematics, registration, np.diff(times).max())
-    refusals = check_priors(registration, scale_std, turn_std)
-    refusals += motion
-    if parts:
-        refusals.append(_parts_sentence(parts))
-    worst = _worst_picture(profile)
-    if not parts and (share := float(np.mean(_bad_pictures(profile)))) > BAD_PICTURES:
+    refusals = [_parts_sentence(parts)] if parts else []
+    refusals += check_priors(registration, known)
+    refusals += check_motion(kinematics, registration, np.diff(registration.times).max())
+    rate = profile.rate()
+    within = profile.count[..., INSIDE].sum(axis=1)
+    allowed = WITHIN * rate * profile.area[..., INSIDE].sum(axis=1)
+    bad = within - allowed > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
+    missing = rate * profile.area[..., NEAR].sum(axis=1) - profile.count[..., NEAR].sum(axis=1)
+    worst = int(np.argmax(within + missing))
+    if not parts and bad.mean() > BAD_PICTURES:
         refusals.append(
-            f"in {share:.0%} of the pictures, as the one at {registration.times[worst]:.3f} s,"
+            f"in {bad.mean():.0%} of the pictures, as the one at {registration.times[worst]:.3f} s,"
             " particles lie where the fitted finger is; take out pictures in which something else"
             " hides it"
         )
-    shadow = SHADOW in parts.values() or registration.nuisance.values[0] > GROWN
-    if shadow and light_from is None:
+    shadow = {SHADOW, UNLIKE} & set(parts.values()) or registration.growth > GROWN
+    if shadow and known.light_from is None:
         refusals.append("if light comes from one side, state light_from_deg")
     wrong = np.isin(profile.part, list(parts))
     return FitCheck(refusals, images[worst], profile.outlines[worst], wrong)
 
 
-def check_priors(
-    registration: Registration, scale_std: float | None, turn_std: float | None
-) -> list[str]:
+def check_priors(registration: Registration, known: Known) -> list[str]:
     """Sentences on values that lie too far from what is stated or plausible."""
     out = []
     std = np.sqrt(np.diag(registration.covariance))
     pose, stated = registration.pose, registration.stated
-    edge, lateral = registration.nuisance.values
-    most = FAR_OFF * NUISANCE_STD
-    if not -most[0] <= edge <= GROWN:
-        change, limit = ("grown", GROWN) if edge > 0 else ("shrunk", most[0])
+    growth, most = registration.growth, FAR_OFF * GROWTH_STD
+    if not -most <= growth <= GROWN:
+        change, limit = ("grown", GROWN) if growth > 0 else ("shrunk", most)
         out.append(
-            f"the outline had to be {change} by {abs(edge):.1f} px on all sides, more than blur and"
-            f" a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or a"
-            " finger of another thickness"
-        )
-    if abs(lateral) > most[1]:
-        side = "dorsal" if lateral > 0 else "ventral"
-        out.append(
-            f"the outline had to be moved by {abs(lateral):.1f} px to the finger's {side} side: a"
-            " shadow or a reflection on one side; light it from two sides or blacken the finger"
+            f"the outline had to be {change} by {abs(growth):.1f} px on all sides, more than blur"
+            f" and a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or"
+            " a finger of another thickness"
         )
     if stated is not None:
         turn = float(np.degrees(pose.angle - stated.angle))
-        if abs(turn) > np.degrees(FAR_OFF * np.hypot(turn_std or TURN_STD, std[2])):
+        if abs(turn) > np.degrees(FAR_OFF * np.hypot(known.turn_std or TURN_STD, std[2])):
             out.append(
                 f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
                 " give axes.turn_std_deg if it is not known as well"
@@ -131,7 +117,8 @@ def check_priors(
             place = f"({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm"
             out.append(f"the root lies {place} from where axes.root_px states it; correct it")
         away = float(np.log(pose.pixel / stated.pixel))
-        if scale_std is not None and abs(away) > FAR_OFF * np.hypot(scale_std, std[3]):
+        scale_std = np.hypot(known.scale_std or 0.0, known.length_std)
+        if known.scale_std is not None and abs(away) > FAR_OFF * scale_std:
             out.append(
                 f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated"
                 f" one, which is known to {100 * scale_std:.2g} %; correct the scale, its"
@@ -154,15 +141,17 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
     own[0] = whole
     water = np.maximum(own, 0.5 * whole)[:, None] * area
+    beside = np.maximum(
+        count[:, NEAR] / np.maximum(area[:, NEAR], 1), water[:, NEAR] / area[:, NEAR].clip(1)
+    )
+    water[:, EDGE] = beside * area[:, EDGE]
     sees = area[:, EDGE] > 0.3 * np.median(area[area[:, EDGE] > 0, EDGE])
     on_edge = float(np.median(count[sees, EDGE] / np.maximum(water[sees, EDGE], 1.0)))
     tests = (
         (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
         (EDGE, 1, ON_EDGE, ON_EDGE, BRIGHT),
-        (EDGE, -1, on_edge, 0.5 * on_edge, SHADOW),
-        (NEAR, 1, 1.0, ON_EDGE, BRIGHT),
+        (EDGE, -1, on_edge, 0.5 * on_edge, UNLIKE),
         (NEAR, -1, 1.0, MISSING, SHADOW),
-        (NEXT, -1, 1.0, MISSING, SHADOW),
     )
     sides = [[k for k, name in enumerate(NAMES) if name.startswith(side)] for side in SIDES]
     found: dict[int, str] = {}
@@ -174,21 +163,6 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
             if off > SURE and sign * (seen - limit * of_water) > 0:
                 found |= {part: what for part in parts if part not in found}
     return found
-
-
-def _bad_pictures(profile: OutlineProfile) -> np.ndarray:
-    """Pictures (frame,) with more particles within the outline than `WITHIN` allows."""
-    allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
-    too_many = profile.count[..., INSIDE].sum(axis=1) - allowed
-    return too_many > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
-
-
-def _worst_picture(profile: OutlineProfile) -> int:
-    """The picture that the outline fits worst: particles within it and missing beside it."""
-    rate = profile.rate()
-    within = profile.count[..., INSIDE].sum(axis=1)
-    beside = profile.count[..., NEAR].sum(axis=1) - rate * profile.area[..., NEAR].sum(axis=1)
-    return int(np.argmax(within - beside))
 
 
 def _parts_sentence(parts: dict[int, str]) -> str:

@@ -1,45 +1,43 @@
 """One pose and one law of motion fitted to the finger's outline in many frames at once.
 
 The likelihood of `silhouette` has a bump per particle and long narrow ridges. A population of
-chains (`outline_sampler`) begins far apart and is cooled into it; chains that fare worse are
-replaced by copies of better ones (population annealing, Hukushima and Iba 2003). The mean of the
-samples is the estimate: an edge lies half-way between the particles that bound it. Fitting the
-law to all silhouettes, not to one bend per frame, uses every particle near an edge.
+chains begins far apart and is cooled into it; chains that fare worse are replaced by copies of
+better ones (Hukushima and Iba 2003). Steps are differences of other chains (ter Braak 2006). The
+mean of the samples is the estimate: an edge lies half-way between the particles that bound it.
+Fitting the law to all silhouettes, not to one bend per frame, uses every particle near an edge.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
+import numba
 import numpy as np
 
 from fileio.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.outline_sampler import ADAPT, all_scores, frame_score, walk
 from postprocess.lab.registration.silhouette import (
     FINE_PX,
     WaterLikelihood,
     integral_image,
+    left_of,
 )
 
+# state of a chain: x px, y px, angle, ln magnification (px per m), growth of the outline px, and
+# factor, delay s, stretch
+SIZE, GROWTH, LAW, DELAY, FACTORS = 8, 4, slice(5, 8), 6, [5, 7]
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
 LAW_POINTS = 2001  # of the law's own table
 COLD = 2e-3  # share of the evidence at the beginning
-CHAINS, EFFECTIVE = 12, 0.5  # and the share of them that a step of the heat leaves
-STEP = 0.6  # first size of a joint step
-ALIKE = 0.4  # variance between the chains over that within, where they have converged
-# spread of the chains at the start, of `files.Nuisance` and of factor, delay (s), stretch
-NUISANCE_ABOUT = np.array([0.5, 0.2])
-LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
+HALF, EFFECTIVE = 14, 0.5  # chains in each half, and the share of them that a step of heat leaves
+LEAST, OUTSIDE = 0.05, -1e9  # stretch, and evidence beyond the table
 # range of a single frame's bend, in standard deviations, and its step, in the table's
 FAR_OFF, FINE_STEP = 4.0, 0.1
-# priors of `files.Nuisance` about 0: blur and the mould's tolerance (px), light on one side (px)
-NUISANCE_STD = np.array([1.5, 0.5])
-# while frames are loosely bound to the law, the second would take up the motion
-ROUGH_NUISANCE_STD = np.array([1.5, 0.05])
-LAW_STD = 0.3  # weak prior of factor and stretch about 1, for parts of the motion
+# rest of the law: spread of factor, delay (s) and stretch at the start
+LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
 
 
 @dataclass(frozen=True)
@@ -50,46 +48,6 @@ class Frames:
     mean: float
     times: np.ndarray
     independent: float  # share of independent frames: particles at rest stay where they are
-
-
-@dataclass(frozen=True)
-class OutlineFit:
-    """Samples of the change of the pose `first`, of nuisance, law and each frame's pressure.
-
-    `pose` (sample, 4: x px, y px, angle, ln magnification), `nuisance` (sample, 2), `law`
-    (sample, 3: factor, delay s, stretch), `parameter` (sample, frame; Pa).
-    """
-
-    first: Pose
-    pose: np.ndarray
-    nuisance: np.ndarray
-    law: np.ndarray
-    parameter: np.ndarray
-    times: np.ndarray
-
-    def mean_pose(self) -> Pose:
-        """The pose in the middle of the samples."""
-        return moved(self.first, self.pose.mean(axis=0))
-
-    def evidence(self, frames: Frames, kinematics: Kinematics, grown_px: float) -> float:
-        """Evidence in the middle of the samples, of an outline grown by `grown_px`."""
-        table, outlines, normals = outline_table(kinematics)
-        pose, pressures, _ = self.means()
-        seat = (*pose.at_px, pose.angle, pose.pixel, grown_px, 0.0)
-        places = (pressures - table[0]) / (table[1] - table[0])
-        at = np.asarray(pose.anchor), seat, places
-        return float(all_scores(frames.integrals, frames.mean, outlines, normals, *at).sum())
-
-    def means(self) -> tuple[Pose, np.ndarray, np.ndarray]:
-        """Pose, pressures (frame,) Pa and nuisance (2,) in the middle of the samples."""
-        return self.mean_pose(), self.parameter.mean(axis=0), self.nuisance.mean(axis=0)
-
-
-def moved(pose: Pose, change: np.ndarray) -> Pose:
-    """A pose changed by (px, px, rad, ln of the magnification, …)."""
-    at = (pose.at_px[0] + float(change[0]), pose.at_px[1] + float(change[1]))
-    pose = pose.scaled(float(np.exp(-change[3])))
-    return replace(pose, angle=pose.angle + float(change[2]), at_px=at)
 
 
 def prepare(
@@ -111,27 +69,222 @@ def prepare(
     return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
 
 
-def outline_table(kinematics: Kinematics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pressures (n,), outlines (n, point, 2) m, and outward unit normals and sides (n, point, 3).
+@dataclass(frozen=True)
+class Shapes:
+    """The finger's outlines in a table of pressures, and the simulation's law.
 
-    The side is 1 on the dorsal, -1 on the ventral side, 0 at root and tip.
+    `pressures` (n,) Pa, `outlines` (n, point, 2) m, `normals` (n, point, 2): outward unit normals.
+    A *place* is an index into the table, fractional.
     """
+
+    kinematics: Kinematics
+    pressures: np.ndarray
+    outlines: np.ndarray
+    normals: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Pressure (Pa) between two places."""
+        return float(self.pressures[1] - self.pressures[0])
+
+    @property
+    def rest(self) -> int:
+        """Place of the finger at rest, to the next whole one."""
+        start = self.kinematics.law(self.kinematics.time[0])
+        return int(np.argmin(np.abs(self.pressures - start)))
+
+    @cached_property
+    def _history(self) -> tuple[np.ndarray, np.ndarray]:
+        clock = np.linspace(*self.kinematics.time, LAW_POINTS)
+        return clock, self.places_of(self.kinematics.law(clock))
+
+    def places_of(self, pressures: np.ndarray) -> np.ndarray:
+        """Places of pressures (Pa)."""
+        return (np.asarray(pressures) - self.pressures[0]) / self.step
+
+    def thinned(self, every: int) -> Shapes:
+        """One of `every` points of the outlines."""
+        few = (np.ascontiguousarray(a[:, ::every]) for a in (self.outlines, self.normals))
+        return Shapes(self.kinematics, self.pressures, *few)
+
+    def mirrored(self) -> Shapes:
+        """Of a finger that bends to the other side of the vertical through its root."""
+        flip, root = np.array([-1.0, 1.0]), np.asarray(self.kinematics.root)
+        turned = (self.outlines[:, ::-1] - root) * flip + root, self.normals[:, ::-1] * flip
+        return Shapes(self.kinematics, self.pressures, *map(np.ascontiguousarray, turned))
+
+    def places(self, times: np.ndarray, laws: np.ndarray) -> np.ndarray:
+        """Places (chain, frame) by start + factor (law((t - delay)/stretch) - start)."""
+        factor, delay, stretch = laws.T[:, :, None]
+        clock, history = self._history
+        at = np.interp((times - delay) / np.maximum(stretch, LEAST), clock, history)
+        return history[0] + factor * (at - history[0])
+
+    def scores(self, frames: Frames, states: np.ndarray, off: np.ndarray | float) -> np.ndarray:
+        """Evidence (chain, frame) of states (chain, 8), with places `off` the law's.
+
+        `OUTSIDE` where a place is beyond the table.
+        """
+        at = self.places(frames.times, states[:, LAW]) + off
+        seen = self.scores_at(frames, states, np.clip(at, 0, TABLE - 1))
+        return np.where((at >= 0) & (at <= TABLE - 1), seen, OUTSIDE)
+
+    def scores_at(self, frames: Frames, states: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Evidence (chain, frame) of states (chain, 8) at `places` (chain, frame)."""
+        root = np.asarray(self.kinematics.root)
+        evidence = frames.integrals, frames.mean, self.outlines, self.normals, root
+        return np.asarray(_scores(*evidence, np.ascontiguousarray(states[:, :5]), places))
+
+
+def shapes_of(kinematics: Kinematics) -> Shapes:
+    """The table of a motion."""
     reach = REACH * (kinematics.high - kinematics.low)
     pressures = np.linspace(kinematics.low - reach, kinematics.high + reach, TABLE)
     outlines = np.array([counter_clockwise(o) for o in kinematics.shape("outline", pressures)])
     along = np.roll(outlines, -1, axis=-2) - np.roll(outlines, 1, axis=-2)
     normals = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     normals /= np.maximum(np.hypot(normals[..., 0], normals[..., 1]), 1e-12)[..., None]
-    rest = np.argmin(np.abs(pressures - kinematics.law(kinematics.time[0])))
-    up = normals[rest] @ kinematics.shape("dorsal_direction", pressures[rest])
-    side = np.where(np.abs(up) > 0.5, np.sign(up), 0.0)
-    return pressures, outlines, np.dstack([normals, np.broadcast_to(side, normals.shape[:2])])
+    return Shapes(kinematics, pressures, outlines, normals)
 
 
-def _converged(states: np.ndarray) -> bool:
-    """Whether the means of chains (chain, sample, parameter) differ by less than their scatter."""
-    between, within = states.mean(axis=1).var(axis=0, ddof=1), states.var(axis=1).mean(axis=0)
-    return bool(np.all(between <= ALIKE * within))
+@numba.njit(cache=True)
+def _scores(integrals, mean, outlines, normals, anchor, seats, places):
+    """Evidence (chain, frame) inside the outlines at `places` in frames, with y up.
+
+    `integrals` and `mean` as of `silhouette.integral_image`; `seats` (chain, 5): x and y (px) of
+    `anchor` (m), angle, ln magnification and growth; `normals` as of `Shapes`.
+    """
+    points = outlines.shape[1]
+    out = np.empty(places.shape)
+    for chain in range(places.shape[0]):
+        x0, y0, angle, ln_magnification, grown = seats[chain]
+        magnification = np.exp(ln_magnification)
+        c, s = np.cos(angle), np.sin(angle)
+        for f in range(places.shape[1]):
+            t = min(max(int(places[chain, f]), 0), outlines.shape[0] - 2)
+            w = places[chain, f] - t
+            total = px = py = 0.0
+            for k in range(points + 1):
+                m = k if k < points else 0
+                x = (1 - w) * outlines[t, m, 0] + w * outlines[t + 1, m, 0] - anchor[0]
+                y = (1 - w) * outlines[t, m, 1] + w * outlines[t + 1, m, 1] - anchor[1]
+                nx, ny = normals[t, m, 0], normals[t, m, 1]
+                qx = x0 + magnification * (c * x - s * y) + grown * (c * nx - s * ny)
+                qy = y0 + magnification * (s * x + c * y) + grown * (s * nx + c * ny)
+                if k > 0:
+                    total += left_of(integrals[f], mean, px, py, qx, qy)
+                px, py = qx, qy
+            out[chain, f] = total
+    return out
+
+
+def state_of(pose: Pose, law: np.ndarray) -> np.ndarray:
+    """The state (8,) of a pose and a law, with the outline as it is."""
+    return np.array([*pose.at_px, pose.angle, -np.log(pose.pixel), 0.0, *law])
+
+
+def pose_of(state: np.ndarray, anchor: tuple[float, float]) -> Pose:
+    """The pose of a state (8,)."""
+    x, y, angle, ln_magnification = (float(v) for v in state[:4])
+    return Pose(1e3 * float(np.exp(-ln_magnification)), angle, anchor, (x, y))
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """Samples of the posterior: `states` (sample, 8), `pressures` (sample, frame) Pa."""
+
+    states: np.ndarray
+    pressures: np.ndarray
+    anchor: tuple[float, float]
+
+    @property
+    def state(self) -> np.ndarray:
+        """The middle of the samples, (8,)."""
+        return np.asarray(self.states.mean(axis=0))
+
+    @property
+    def seen(self) -> tuple[Pose, np.ndarray, float]:
+        """Pose, pressures (frame,) Pa, and growth of the outline (px): mean values."""
+        return (
+            pose_of(self.state, self.anchor),
+            self.pressures.mean(axis=0),
+            float(self.state[GROWTH]),
+        )
+
+
+@dataclass
+class _Population:
+    """Two halves of chains with their states and each frame's deviation from the law's place.
+
+    Each half moves by differences of the other's. Besides joint steps the law takes steps under
+    places that stay, which only the deviations follow (interweaving, Yu and Meng 2011).
+    """
+
+    frames: Frames
+    shapes: Shapes
+    prior: tuple[np.ndarray, np.ndarray]  # mean and standard deviation (8,)
+    apart: np.ndarray  # standard deviation (frame,) of a place from the law's
+    states: np.ndarray
+    off: np.ndarray
+    rng: np.random.Generator
+
+    def __post_init__(self) -> None:
+        self.scores = self.shapes.scores(self.frames, self.states, self.off)
+        self.jitter = 1e-3 * self.states.std(axis=0)
+
+    def sweep(self, heat: float) -> None:
+        """One step of each kind of every chain; `heat`: share of the evidence that counts."""
+        share = heat * self.frames.independent
+        for mine, other in ((slice(HALF), slice(HALF, None)), (slice(HALF, None), slice(HALF))):
+            states, off, scores = self.states[mine], self.off[mine], self.scores[mine]
+            tried = states + self._differences(self.states[other], SIZE)
+            new = self.shapes.scores(self.frames, tried, off)
+            gain = share * (new - scores).sum(axis=1) + self._prior(tried) - self._prior(states)
+            _take(self._likely(gain), (states, tried), (scores, new))
+            tried = states.copy()
+            tried[:, LAW] += self._differences(self.states[other], 3)[:, LAW]
+            at = self.shapes.places(self.frames.times, states[:, LAW]) + off
+            new_off = at - self.shapes.places(self.frames.times, tried[:, LAW])
+            gain = self._loose(new_off).sum(axis=1) - self._loose(off).sum(axis=1)
+            gain += self._prior(tried) - self._prior(states)
+            _take(self._likely(gain), (states, tried), (off, new_off))
+            new_off = off + self._differences(self.off[other], 1, 0.02 * self.apart)
+            new = self.shapes.scores(self.frames, states, new_off)
+            gain = share * (new - scores) + self._loose(new_off) - self._loose(off)
+            _take(self._likely(gain), (off, new_off), (scores, new))
+
+    def resample(self, shares: np.ndarray) -> None:
+        """Replace chains by copies of better ones, by their `shares`."""
+        at = (self.rng.random() + np.arange(2 * HALF)) / (2 * HALF) * shares.sum()
+        left = self.rng.permutation(
+            np.minimum(np.searchsorted(np.cumsum(shares), at), 2 * HALF - 1)
+        )
+        self.states, self.off, self.scores = (a[left] for a in (self.states, self.off, self.scores))
+
+    def _differences(
+        self, others: np.ndarray, count: int, jitter: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Steps (chain, …) in `count` dimensions."""
+        one = self.rng.integers(HALF, size=HALF)
+        two = (one + self.rng.integers(1, HALF, size=HALF)) % HALF
+        noise = self.rng.standard_normal((HALF, others.shape[1]))
+        step = 2.38 / np.sqrt(2 * count) * (others[one] - others[two])
+        return np.asarray(step + noise * (self.jitter if jitter is None else jitter))
+
+    def _prior(self, states: np.ndarray) -> np.ndarray:
+        mean, std = self.prior
+        return np.asarray(-0.5 * np.sum(((states - mean) / std) ** 2, axis=1))
+
+    def _loose(self, off: np.ndarray) -> np.ndarray:
+        return np.asarray(-0.5 * (off / self.apart) ** 2)
+
+    def _likely(self, gain: np.ndarray) -> np.ndarray:
+        return np.asarray(np.log(self.rng.random(gain.shape)) < gain)
+
+
+def _take(accepted: np.ndarray, *pairs: tuple[np.ndarray, np.ndarray]) -> None:
+    for old, new in pairs:
+        old[accepted] = new[accepted]
 
 
 def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:
@@ -150,134 +303,61 @@ def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:
 
 def fit_outline(
     frames: Frames,
-    kinematics: Kinematics,
-    first: Pose,
-    law: np.ndarray,
-    *,
-    deviation: np.ndarray,
+    shapes: Shapes,
+    first: np.ndarray,
     about: np.ndarray,
-    scale: tuple[float, float] | None,
-    stated_delay: tuple[float, float] | None = None,
-    nuisance: np.ndarray | None = None,
-    nuisance_std: np.ndarray = NUISANCE_STD,
+    prior: tuple[np.ndarray, np.ndarray],
+    deviation: np.ndarray,
+    sweeps: tuple[int, int],
     seed: int = 1,
-    sweeps: tuple[int, ...],
-    rounds: int = 1,
-    every: int = 1,
 ) -> OutlineFit:
-    """Fit pose, law and pressures from a first guess of pose and law (factor, delay s, stretch).
+    """Fit pose, law and pressures from a first state (8,), known to `about` (8,).
 
-    `deviation` (frame,) Pa: of a frame from the law. `about` (4,): uncertainty of the first pose
-    (px, px, rad, ln magnification). `scale` (m per px, relative standard uncertainty) and
-    `stated_delay` (s, s): priors, or None. `nuisance` (2,): first guess; `nuisance_std`: of its
-    prior about 0. `sweeps`: of each chain, at each heat and in each of at most `rounds`, of which
-    the second half is kept. `every`: of so many points of the outline one is used. ValueError
-    where the recording's finger bends further than the simulation's shapes reach.
+    `prior`: mean and standard deviation (8,; inf: none). `deviation` (frame,) Pa: of a frame from
+    the law. `sweeps`: at each heat, and those that are kept. ValueError where the recording's
+    finger bends further than the simulation's shapes reach.
     """
-    table, outlines, normals = outline_table(kinematics)
-    outlines, normals = (np.ascontiguousarray(a[:, ::every]) for a in (outlines, normals))
-    step = table[1] - table[0]
-    clock = np.linspace(*kinematics.time, LAW_POINTS)
-    history = (kinematics.law(clock) - table[0]) / step
-    nuisance = np.zeros(2) if nuisance is None else nuisance
-    mean, weight = np.zeros(9), np.zeros(9)
-    mean[4:6], weight[4:6] = -nuisance, nuisance_std**-2.0
-    mean[[6, 8]], weight[[6, 8]] = 1.0 - law[[0, 2]], LAW_STD**-2
-    if scale is not None:
-        mean[3], weight[3] = np.log(first.pixel / scale[0]), scale[1] ** -2
-    if stated_delay is not None:
-        mean[7], weight[7] = stated_delay[0] - law[1], max(stated_delay[1], 1e-5) ** -2
-    start = np.array([*first.at_px, first.angle, first.pixel, *nuisance, *law])
-    apart = np.asarray(deviation, float) / step
     rng = np.random.default_rng(seed)
-    wide = np.concatenate([about, np.minimum(nuisance_std, NUISANCE_ABOUT), LAW_ABOUT])
-    changes, offs = wide * rng.standard_normal((CHAINS, wide.size)), np.zeros((CHAINS, apart.size))
-    changes[0] = 0.0
-    least, sizes, alone = 0.01 * wide, np.full(2, STEP), np.minimum(apart, 0.3)
-
-    def walked(heat: float, count: int, adapt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        states, places = np.empty((CHAINS, count, wide.size)), np.empty((CHAINS, count, apart.size))
-        evidence = walk(
-            frames.integrals,
-            frames.mean,
-            outlines,
-            normals,
-            np.asarray(first.anchor),
-            start,
-            changes,
-            offs,
-            frames.times,
-            history,
-            clock[0],
-            clock[1] - clock[0],
-            factor,
-            sizes,
-            alone,
-            adapt,
-            mean,
-            weight,
-            apart,
-            heat * frames.independent,
-            states,
-            places,
-            rng,
-        )
-        return states, places, frames.independent * evidence
-
-    factor, heat = np.diag(wide), COLD
+    states = first + about * rng.standard_normal((2 * HALF, SIZE))
+    states[0], apart = first, np.asarray(deviation, float) / shapes.step
+    off = 0.3 * np.minimum(apart, 1.0) * rng.standard_normal((2 * HALF, apart.size))
+    chains = _Population(frames, shapes, prior, apart, states, off, rng)
+    heat = COLD
     while heat < 1:
-        states, _, evidence = walked(heat, sweeps[0], ADAPT)
-        factor = _steps_like(states[:, sweeps[0] // 2 :], least)
-        heat, shares = _next_heat(evidence, heat)
-        at = (rng.random() + np.arange(CHAINS)) / CHAINS * shares.sum()
-        left = np.searchsorted(np.cumsum(shares), at)
-        changes, offs = changes[left], offs[left]
-    walked(heat, sweeps[0], ADAPT)
-    done: list[tuple[np.ndarray, np.ndarray]] = []
-    while len(done) < rounds:
-        done.append(walked(heat, sweeps[1], 0.0)[:2])
-        factor = _steps_like(done[-1][0], least)
-        kept = zip(*done[len(done) // 2 :], strict=True)
-        states, places = (np.concatenate(parts, axis=1) for parts in kept)
-        if _converged(states):
-            break
-    states, places = states.reshape(-1, wide.size), places.reshape(-1, apart.size)
-    middle = places.mean(axis=0)
+        for _ in range(sweeps[0]):
+            chains.sweep(heat)
+        heat, shares = _next_heat(frames.independent * chains.scores.sum(axis=1), heat)
+        chains.resample(shares)
+    kept, places = [], []
+    for k in range(sweeps[1] + sweeps[1] // 2):
+        chains.sweep(1.0)
+        if k >= sweeps[1] // 2:
+            kept.append(chains.states.copy())
+            places.append(shapes.places(frames.times, chains.states[:, LAW]) + chains.off)
+    at = np.concatenate(places)
+    middle = at.mean(axis=0)
     if middle.min() < 1 or middle.max() > TABLE - 2:
         raise ValueError(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
             " give the simulation the recording's pressure (motion.strokes in scene.toml)"
         )
-    pressures, moved_law = table[0] + step * places, states[:, 6:] + law
-    change = states[:, :4], states[:, 4:6] + nuisance
-    return OutlineFit(first, *change, moved_law, pressures, frames.times)
-
-
-def _steps_like(states: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Cholesky factor of the chains' covariance plus `least` squared."""
-    return np.linalg.cholesky(np.cov(states.reshape(-1, least.size).T) + np.diag(least**2))
+    pressures = shapes.pressures[0] + shapes.step * at
+    return OutlineFit(np.concatenate(kept), pressures, shapes.kinematics.root)
 
 
 def single_pressures(
-    frames: Frames, kinematics: Kinematics, fit: OutlineFit, law: np.ndarray, deviation: float
+    frames: Frames, shapes: Shapes, state: np.ndarray, law: np.ndarray, deviation: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pressure of each frame (frame,) by itself at the pose of a fit, and its standard deviation.
+    """Pressure of each frame (frame,) by itself at a state (8,), and its standard deviation.
 
     By integration over a prior about `law` (frame,) of size `deviation`; all in Pa.
     """
-    table, outlines, normals = outline_table(kinematics)
-    pose, _, nuisance = fit.means()
-    seat = (*pose.at_px, pose.angle, pose.pixel, *nuisance)
-    off = np.arange(-FAR_OFF, FAR_OFF, FINE_STEP / deviation * (table[1] - table[0]))
-    mean, std = np.empty(law.size), np.empty(law.size)
-    for f, expected in enumerate(law):
-        tried = np.clip(expected + off * deviation, table[0], table[-1])
-        places = (tried - table[0]) / (table[1] - table[0])
-        at = frames.integrals[f], frames.mean, outlines, normals, np.asarray(pose.anchor), seat
-        score = np.array([frame_score(*at, place) for place in places])
-        weight = frames.independent * score - 0.5 * off**2
-        weight = np.exp(weight - weight.max())
-        weight /= weight.sum()
-        mean[f] = weight @ tried
-        std[f] = np.sqrt(weight @ (tried - mean[f]) ** 2)
-    return mean, std
+    off = np.arange(-FAR_OFF, FAR_OFF, FINE_STEP / deviation * shapes.step)[:, None]
+    tried = np.clip(law + off * deviation, shapes.pressures[0], shapes.pressures[-1])
+    states = np.broadcast_to(state, (off.size, SIZE))
+    score = frames.independent * shapes.scores_at(frames, states, shapes.places_of(tried))
+    weight = score - 0.5 * off**2
+    weight = np.exp(weight - weight.max(axis=0))
+    weight /= weight.sum(axis=0)
+    mean = (weight * tried).sum(axis=0)
+    return mean, np.sqrt((weight * (tried - mean) ** 2).sum(axis=0))

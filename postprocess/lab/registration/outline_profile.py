@@ -1,30 +1,29 @@
 """Particles in bands along the fitted outline, part by part, against the water's own density.
 
-A sound fit has none inside and the water's own outside; shadows, reflections and holders have not.
+A sound fit has none inside and water outside; shadows, reflections and holders have not.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
+import shapely
 from scipy.spatial import cKDTree
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.fit_outline import outline_table
+from postprocess.lab.registration.blind import dense
+from postprocess.lab.registration.fit_outline import Shapes
 from postprocess.lab.registration.silhouette import WaterLikelihood, particles
 
 # px from the outline, outside positive; the last band is the water's own
 BANDS = np.array([-9.0, -1.5, 1.5, 6.0, 12.0, 30.0])
-INSIDE, EDGE, NEAR, NEXT, FAR = range(len(BANDS) - 1)
+INSIDE, EDGE, NEAR, _, FAR = range(len(BANDS) - 1)
 LENGTHS = 4  # parts that a side is cut in from root to tip
 ENDS = 0.04  # of the finger's length: how far root and tip reach
 SIDES = ("ventral", "dorsal")
 NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
-SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
-ON_EDGE = 1.25  # ratio to the water's own density on and beside the outline: more is a reflection
 GRID_PX = 2  # pixels in each direction that a point of the area stands for
 
 
@@ -59,29 +58,22 @@ def _parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
     return np.where(reached < ENDS, 0, np.where(reached > 1 - ENDS, 1, part))
 
 
-# frames, their evidence, and where the finger is in them: the first arguments of `outline_profile`
-Seen = tuple[list[np.ndarray], WaterLikelihood, Kinematics, Pose, np.ndarray, np.ndarray]
-
-
 def outline_profile(
     images: list[np.ndarray],
     evidence: WaterLikelihood,
-    kinematics: Kinematics,
+    shapes: Shapes,
     pose: Pose,
     pressures: np.ndarray,
-    nuisance: np.ndarray,
+    growth: float,
     blind: np.ndarray | None = None,
 ) -> OutlineProfile:
     """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa.
 
-    `nuisance` (2,): of the outline; `blind` (frame, rows, columns): pixels to leave out.
+    `growth` of the outline (px); `blind` (frame, rows, columns): pixels to leave out.
     """
-    table, outlines, _ = outline_table(kinematics)
-    rest = np.argmin(np.abs(table - kinematics.law(kinematics.time[0])))
-    part = _parts_of(kinematics, outlines[rest])
-    shape = (len(images), len(NAMES), len(BANDS) - 1)
-    count, area = np.zeros(shape), np.zeros(shape)
-    drawn = seen_outlines(kinematics, pose, pressures, nuisance)
+    part = _parts_of(shapes.kinematics, shapes.outlines[shapes.rest])
+    count, area = np.zeros((2, len(images), len(NAMES), len(BANDS) - 1))
+    drawn = _seen_outlines(shapes, pose, pressures, growth)
     for f, (image, outline) in enumerate(zip(images, drawn, strict=True)):
         row, column = particles(image, evidence.threshold)
         spots = np.column_stack([column, image.shape[0] - 1 - row])
@@ -92,36 +84,28 @@ def outline_profile(
         grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         spots = spots[((spots >= low) & (spots <= high)).all(axis=1)]
         along, corner = dense(outline, 1)
-        tree, corners = cKDTree(along), outline.astype(np.float32).reshape(-1, 1, 2)
+        tree, body = cKDTree(along), shapely.Polygon(outline)
+        shapely.prepare(body)
         for points, each, total in ((spots, 1.0, count), (grid, float(GRID_PX**2), area)):
             if blind is not None:
                 i, j = np.rint(points).astype(int).T
                 points = points[~blind[f, image.shape[0] - 1 - j, i]]
             away, nearest = tree.query(points, distance_upper_bound=BANDS[-1])
             near = np.isfinite(away)
-            of = part[corner[nearest[near]]]
-            test = (cv2.pointPolygonTest(corners, at, False) for at in points[near].tolist())
-            distance = np.where([side > 0 for side in test], -away[near], away[near])
+            within = shapely.contains_xy(body, *points[near].T)
+            distance = np.where(within, -away[near], away[near])
             band = np.digitize(distance, BANDS) - 1
             ok = (band >= 0) & (band < len(BANDS) - 1)
-            np.add.at(total[f], (of[ok], band[ok]), each)
+            np.add.at(total[f], (part[corner[nearest[near]]][ok], band[ok]), each)
     return OutlineProfile(count, area, drawn, part)
 
 
-def seen_outlines(
-    kinematics: Kinematics, pose: Pose, pressures: np.ndarray, nuisance: np.ndarray
-) -> np.ndarray:
+def _seen_outlines(shapes: Shapes, pose: Pose, pressures: np.ndarray, growth: float) -> np.ndarray:
     """Outlines (frame, point, 2) px at `pressures` (frame,) Pa as the fit draws them."""
-    table, outlines, normals = outline_table(kinematics)
-    edge, lateral = nuisance
-    drawn = []
-    for pressure in pressures:
-        at = np.clip((pressure - table[0]) / (table[1] - table[0]), 0, table.size - 1.001)
-        k, w = int(at), at - int(at)
-        outline, normal = ((1 - w) * a[k] + w * a[k + 1] for a in (outlines, normals))
-        out = (edge + lateral * normal[:, 2:]) * normal[:, :2]
-        drawn.append(pose.to_px(outline) + out @ pose.rotation.T)
-    return np.array(drawn)
+    at = np.clip(shapes.places_of(pressures), 0, len(shapes.pressures) - 1.001)
+    k, w = at.astype(int), (at % 1)[:, None, None]
+    outline, normal = ((1 - w) * a[k] + w * a[k + 1] for a in (shapes.outlines, shapes.normals))
+    return pose.to_px(outline) + growth * normal @ pose.rotation.T
 
 
 def independent_share(profile: OutlineProfile) -> float:
@@ -132,27 +116,3 @@ def independent_share(profile: OutlineProfile) -> float:
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
     near = float(np.clip(near, 0.0, 0.95))
     return (1 - near) / (1 + near)
-
-
-def bright_side(profile: OutlineProfile) -> int:
-    """The side with a reflection: 1 dorsal, -1 ventral; 0: none, or both."""
-    share, rate = independent_share(profile), profile.rate()
-    found = []
-    for side, name in ((-1, "ventral"), (1, "dorsal")):
-        parts = [k for k, other in enumerate(NAMES) if other.startswith(name)]
-        totals = (a[:, parts][..., [EDGE, NEAR]] for a in (profile.count, profile.area))
-        count, area = (a.sum(axis=(0, 1)) for a in totals)
-        water = rate * area
-        sure = count - water > SURE * np.sqrt(np.maximum(water, 1.0) / share)
-        if (sure & (count > ON_EDGE * water)).any():
-            found.append(side)
-    return found[0] if len(found) == 1 else 0
-
-
-def dense(outline: np.ndarray, per_px: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a closed outline (px), at least `per_px` in a pixel, and the corner before each."""
-    after = np.roll(outline, -1, axis=0)
-    pieces = np.maximum(np.ceil(per_px * np.hypot(*(after - outline).T)).astype(int), 1)
-    of = np.repeat(np.arange(len(outline)), pieces)
-    share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
-    return (1 - share) * outline[of] + share * after[of], of

@@ -8,20 +8,19 @@ What each frame shows by itself is found last, at that pose.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from fileio.formats.kinematics import Kinematics, counter_clockwise
+from fileio.formats.kinematics import Kinematics
 from piv.images.masks import dark_body
 from piv.images.recording import Recording
-from postprocess.lab.data.files import Law, Nuisance, Registration
+from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pictures import thinned
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.blind import blind_parts, seen_profile
+from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.check_stated import (
     CLEARLY,
     GROWN_PX,
@@ -30,32 +29,61 @@ from postprocess.lab.registration.check_stated import (
     stated_wrongly,
 )
 from postprocess.lab.registration.fit_outline import (
-    ROUGH_NUISANCE_STD,
-    Frames,
+    DELAY,
+    FACTORS,
+    GROWTH,
+    LAW,
+    LAW_ABOUT,
+    SIZE,
     OutlineFit,
     fit_outline,
-    outline_table,
     prepare,
+    shapes_of,
     single_pressures,
+    state_of,
 )
-from postprocess.lab.registration.outline_profile import independent_share, seen_outlines
-from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, inside_sum, learn
+from postprocess.lab.registration.outline_profile import independent_share, outline_profile
+from postprocess.lab.registration.silhouette import ROUGH_PX, WaterLikelihood, learn
 
-MAX_FRAMES = 60
-LEARN_FROM = 4
+MAX_FRAMES, LEARN_FROM = 60, 4
 REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
 REST_STD = 0.002  # of the range: largest deviation of the shape at rest from the simulation's
 # deviation of a frame from the law, of the range: by itself, in the rough fit, least in the fit
 FREE, LOOSE, TIED = 0.05, 0.01, 0.001
 # m, rad, 1: standard uncertainties of a stated camera, where none are stated
 ROOT_STD, TURN_STD, SCALE_STD = 1.5e-3, np.radians(1.5), 0.02
+GROWTH_STD = 1.5  # px, of the outline: blur and the mould's tolerance
+OUTLINE_STD = 0.15  # px: no end of an outline is known better, whatever the particles say
+LAW_STD = 0.3  # weak prior of factor and stretch about 1, for parts of the motion
 FINER = 4.0  # ratio of those to what the rough fit leaves
-ROUNDS = 6  # of the final fit, at most
-ROUGH_POINTS = 3  # of the outline's points the rough fit uses one
-# m beyond the root where water must be seen, by the fitted and by the stated pose
-BEYOND, BEYOND_STATED = (0.001, 0.003), (0.003, 0.005)
+ROUGH_POINTS, FINE_POINTS = 3, 2  # of the outline's points one is used
 SHADE_ROUNDS = 2  # of the rough fit, in which the shaded side is found from the lit one
-SWEEPS = (15, 20, 25, 60)
+SWEEPS, QUICK_SWEEPS = (6, 20, 6, 60), (4, 10, 4, 30)  # of the rough and of the final fit
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is stated of a recording's set-up.
+
+    `pose`, with the relative `scale_std` (None: from the first frame and the finger's length) and
+    `turn_std` (rad); `delay` of the clock (s) with its standard uncertainty (None: from the
+    motion); `paired`: the first of each pair of frames is used; `hidden`: length (m) of the finger
+    that is hidden from its root on; `light_from`: direction (rad) of light from one side;
+    `length_std`: relative standard uncertainty of the finger's length.
+    """
+
+    pose: Pose | None = None
+    scale_std: float | None = None
+    turn_std: float | None = None
+    delay: tuple[float, float] | None = None
+    paired: bool = False
+    hidden: float = 0.0
+    light_from: float | None = None
+    length_std: float = 0.0
+
+    def chosen(self, count: int) -> np.ndarray:
+        """Indices of the frames of `count` that are fitted."""
+        return thinned(np.arange(0, count, 2 if self.paired else 1), MAX_FRAMES)
 
 
 def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -68,8 +96,8 @@ def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) 
 
 def fit_law(
     kinematics: Kinematics, times: np.ndarray, pressures: np.ndarray, first: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Least-squares (factor, delay, stretch), covariance, and RMS residual (Pa)."""
+) -> np.ndarray:
+    """Least-squares (factor, delay, stretch) of pressures (Pa) at times (s)."""
     noise = 0.005 * (kinematics.high - kinematics.low)
     fit = least_squares(
         lambda z: (law_pressure(kinematics, times, z) - pressures) / noise,
@@ -78,162 +106,111 @@ def fit_law(
         bounds=([0.2, -1.0, 0.2], [3.0, 1.0, 5.0]),
         loss="soft_l1",
     )
-    rest = (law_pressure(kinematics, times, fit.x) - pressures) / noise
-    scatter = np.sum(rest**2) / max(rest.size - 3, 1)
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * scatter
-    return fit.x, covariance, float(noise * np.sqrt(np.mean(rest**2)))
+    return np.asarray(fit.x)
 
 
-def _first_pose(recording: Recording, frames: list[np.ndarray], kinematics: Kinematics) -> Pose:
+def _first_pose(frame: np.ndarray, kinematics: Kinematics) -> Pose:
     """A rough pose from the finger's root and tip in the first frame, in which it is straight."""
-    mask = dark_body(frames[0]).astype(np.uint8)
+    mask = dark_body(frame).astype(np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     (cx, cy), size, angle = cv2.minAreaRect(max(contours, key=cv2.contourArea))
     length, along = (size[0], angle) if size[0] > size[1] else (size[1], angle + 90)
     direction = np.array([np.cos(np.radians(along)), -np.sin(np.radians(along))])  # picture, y up
     direction *= 1 if direction[1] < 0 else -1  # the finger hangs
-    centre = np.array([cx, recording.shape[0] - 1 - cy])
     rest = kinematics.shape("tip", float(kinematics.law(kinematics.time[0]))) - kinematics.root
     turn = np.arctan2(direction[1], direction[0]) - np.arctan2(rest[1], rest[0])
-    root = centre - 0.5 * length * direction
-    scale, at = 1e3 * kinematics.length / length, (float(root[0]), float(root[1]))
-    return Pose(scale, float(turn), kinematics.root, at)
+    x, y = np.array([cx, frame.shape[0] - 1 - cy]) - 0.5 * length * direction
+    return Pose(1e3 * kinematics.length / length, float(turn), kinematics.root, (x, y))
 
 
-def _search_delay(
-    frames: Frames,
-    kinematics: Kinematics,
-    pose: Pose,
-    stated: float | None,
-    stated_std: float = 0.0,
-) -> float:
-    """Delay (s) at which the simulation's motion fits the frames best."""
-    span = frames.times[-1] - frames.times[0]
-    reach, step = (span + 0.1, 0.006) if stated is None else (max(0.04, 3 * stated_std), 0.004)
-    delays = np.arange(-reach, reach, step) + (stated or 0.0)
-    return best_delay(frames, outline_table(kinematics), kinematics, pose, delays)[0]
-
-
-def chosen_frames(recording: Recording, paired: bool) -> np.ndarray:
-    """Indices of the frames that are fitted: the first of each pair where they are `paired`."""
-    return thinned(np.arange(0, len(recording), 2 if paired else 1), MAX_FRAMES)
+def learned(images: list[np.ndarray], known: Known, pose: Pose, width: float) -> WaterLikelihood:
+    """The likelihood of some of the images, of a finger of a `width` (m)."""
+    some = images[:: max(1, len(images) // LEARN_FROM)]
+    return learn(some, light_from=known.light_from, width_px=width / pose.pixel)
 
 
 def register(
     recording: Recording,
     times: np.ndarray,
     kinematics: Kinematics,
-    stated: Pose | None,
-    stated_delay: tuple[float, float] | None,
+    known: Known,
     *,
-    scale_std: float | None,
-    paired: bool = False,
-    hidden: float = 0.0,
-    light_from: float | None = None,
-    length_std: float = 0.0,
     sweeps: tuple[int, int, int, int] = SWEEPS,
     seed: int = 1,
 ) -> Registration:
     """Register a recording (frame times in s of its clock) to the simulation's finger.
 
-    `stated`: pose, with the relative `scale_std`; None: from the first frame. `stated_delay`: of
-    the clock (s), with its standard uncertainty; None: from the motion. `paired`: the first of each
-    pair of frames is used. `hidden`: length (m) of the finger that is hidden from its root on.
-    `light_from`: direction (rad) of light from one side. `length_std`: relative standard
-    uncertainty of the finger's length. `sweeps`: of the rough and of the final fit. ValueError
-    where the root is not seen though `hidden` is 0.
+    `sweeps`: of the rough and of the final fit. ValueError in one sentence where it fails.
     """
-    chosen = chosen_frames(recording, paired)
+    chosen = known.chosen(len(recording))
     images = [recording.frame(int(i)) for i in chosen]
-    evidence = learn(images[:: max(1, len(images) // LEARN_FROM)])
-    pose = stated or _first_pose(recording, images, kinematics)
-    alike = kinematics, recording.shape, hidden
+    pose = known.pose or _first_pose(images[0], kinematics)
+    evidence = learned(images, known, pose, kinematics.tip_width)
+    alike = kinematics, recording.shape, known.hidden
     blind = blind_parts(np.empty((len(images), 0, 2)), pose, *alike, None)
     frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
-    if not hidden and stated:  # without its root a fit may go anywhere
-        _check_root(frames, kinematics, stated, evidence, BEYOND_STATED)
-    known: dict[str, Any] = {"stated_delay": stated_delay, "scale": None}
-    pose_std = np.array([*[ROOT_STD / pose.pixel] * 2, TURN_STD, SCALE_STD])
-    if scale_std is not None:
-        pose_std[3] = float(np.hypot(scale_std, length_std))
-        known["scale"] = pose.pixel, pose_std[3]
-    wrong, shown = stated_wrongly(frames, kinematics, pose, scale_known=stated is not None)
-    delay = _search_delay(frames, kinematics, pose, *(stated_delay or (None,)))
-    first = np.array([1.0, delay, 1.0])
-    span = kinematics.high - kinematics.low
-    roughly = known | {
-        "about": pose_std,
-        "nuisance_std": ROUGH_NUISANCE_STD,
-        "deviation": np.full(frames.times.size, LOOSE * span),
-        "sweeps": sweeps[:2],
-        "seed": seed,
-        "every": ROUGH_POINTS,
-    }
+    shapes = shapes_of(kinematics)
+    few = shapes.thinned(ROUGH_POINTS)
+    state, about = state_of(pose, np.array([1.0, 0.0, 1.0])), np.full(SIZE, np.inf)
+    about[FACTORS], about[GROWTH] = LAW_STD, GROWTH_STD
+    begin = np.array([*[ROOT_STD / pose.pixel] * 2, TURN_STD, SCALE_STD, 0.5, *LAW_ABOUT])
+    if known.scale_std is not None:
+        about[3] = begin[3] = float(np.hypot(known.scale_std, known.length_std))
+    if known.delay is not None:
+        state[DELAY], about[DELAY] = known.delay[0], max(known.delay[1], 1e-5)
+    wrong, shown = stated_wrongly(frames, few, state, scale_known=known.pose is not None)
+    span, lasts = kinematics.high - kinematics.low, float(np.ptp(frames.times))
+    reach, step = (
+        (lasts + 0.1, 0.006) if known.delay is None else (max(0.04, 3 * about[DELAY]), 0.004)
+    )
+    first, loose = state.copy(), np.full(chosen.size, LOOSE * span)
+    first[DELAY] = best_delay(frames, few, state, state[DELAY] + np.arange(-reach, reach, step))[0]
+    prior, how = (state, about), (sweeps[:2], seed)
     try:
-        rough = fit_outline(frames, kinematics, pose, first, **roughly)
+        rough = fit_outline(frames, few, first, begin, prior, loose, *how)
     except ValueError as error:
         raise ValueError(wrong or str(error)) from error
-    at_stated_rate = 1 / STRETCHED < rough.law[:, 2].mean() < STRETCHED
-    as_good = CLEARLY * rough.evidence(frames, kinematics, GROWN_PX) > shown
-    if wrong and not (at_stated_rate and as_good):
+    stretch, shrunk = rough.state[-1], rough.states.mean(axis=0, keepdims=True)
+    shrunk[:, GROWTH] = GROWN_PX
+    places = shapes.places_of(rough.pressures.mean(axis=0))[None]
+    as_good = CLEARLY * few.scores_at(frames, shrunk, places).sum() > shown
+    if wrong and not (as_good and 1 / STRETCHED < stretch < STRETCHED):
         raise ValueError(wrong)
-    for _ in range(SHADE_ROUNDS if light_from is not None else 0):
-        blind = blind_parts(seen_outlines(kinematics, *rough.means()), pose, *alike, light_from)
+    profile = outline_profile(images, evidence, shapes, *rough.seen, blind)
+    for _ in range(SHADE_ROUNDS if known.light_from is not None else 0):
+        blind = blind_parts(profile.outlines, pose, *alike, known.light_from)
         frames = prepare(images, times[chosen], evidence, blind, ROUGH_PX)
-        rough = fit_outline(frames, kinematics, pose, first, **roughly)
-    begin, bent, nuisance = rough.means()
-    values, _, _ = fit_law(kinematics, frames.times, bent, first)
-    # particles that go along with the finger make pictures less independent than they look
-    profile, blind = seen_profile((images, evidence, kinematics, *rough.means()), blind)
+        rough = fit_outline(frames, few, first, begin, prior, loose, *how)
+        profile = outline_profile(images, evidence, shapes, *rough.seen, blind)
+    law = fit_law(kinematics, frames.times, rough.pressures.mean(axis=0), first[LAW])
     frames = prepare(images, times[chosen], evidence, blind)
+    # particles that go along with the finger make pictures less independent than they look
     frames = replace(frames, independent=min(frames.independent, independent_share(profile)))
-    finely = known | {
-        "about": pose_std / FINER,
-        "nuisance": nuisance,
-        "deviation": _deviation(kinematics, rough, values),
-        "sweeps": sweeps[2:],
-        "seed": seed + 1,
-        "rounds": ROUNDS,
-    }
-    fine = fit_outline(frames, kinematics, begin, values, **finely)
-    if not hidden:
-        _check_root(frames, kinematics, fine.mean_pose(), evidence, BEYOND)
-    return with_length(_registration(frames, kinematics, fine, stated), scale_std, length_std)
+    first = np.array([*rough.state[:5], *law])
+    apart = _deviation(kinematics, frames.times, rough, law)
+    begin[:4] /= FINER
+    how = sweeps[2:], seed + 1
+    fine = fit_outline(
+        frames, shapes.thinned(FINE_POINTS), first, begin, (state, about), apart, *how
+    )
+    values, spread = fine.state[LAW], np.cov(fine.states.T)
+    expected = law_pressure(kinematics, frames.times, values)
+    seen, std = single_pressures(frames, shapes, fine.state, expected, FREE * span)
+    length = kinematics.length / fine.seen[0].pixel
+    spread[:4, :4] += (OUTLINE_STD * np.diag([1, 1, 2**0.5 / length, 2**0.5 / length])) ** 2
+    misfit = float(np.sqrt(np.mean((seen - expected) ** 2)))
+    motion = Law(values, spread[LAW, LAW], misfit), frames.times, seen, std
+    growth = float(fine.state[GROWTH])
+    found = Registration(fine.seen[0], spread[:4, :4], growth, *motion, known.pose)
+    return with_length(found, known.scale_std, known.length_std)
 
 
-def _check_root(
-    frames: Frames,
-    kinematics: Kinematics,
-    pose: Pose,
-    evidence: WaterLikelihood,
-    beyond: tuple[float, float],
-) -> None:
-    """ValueError where the edge of the root is not seen: it is dark `beyond` (m from, m to) it."""
-    start = float(kinematics.law(kinematics.time[0]))
-    along = kinematics.shape("tip_direction", start)
-    dorsal = kinematics.shape("dorsal_direction", start)
-    half = 0.3 * float(np.ptp((kinematics.shape("outline", start) - kinematics.root) @ dorsal))
-    corners = [(-beyond[0], -half), (-beyond[0], half), (-beyond[1], half), (-beyond[1], -half)]
-    patch = pose.to_px(np.array([kinematics.root + a * along + d * dorsal for a, d in corners]))
-    dense = np.linspace(patch, np.roll(patch, -1, 0), 40, endpoint=False, axis=1).reshape(-1, 2)
-    sums = [inside_sum(i, counter_clockwise(dense), frames.mean) for i in frames.integrals]
-    area = (beyond[1] - beyond[0]) * 2 * half / pose.pixel**2
-    rows, columns = (n - 1 for n in frames.integrals.shape[1:])
-    outside = (patch < 0).any() or (patch > [columns - 1, rows - 1]).any()
-    if np.mean(sums) > 0.5 * evidence.rate * area or (outside and beyond == BEYOND):
-        dark = "there are no particles either, as in a holder or a shadow"
-        raise ValueError(
-            f"beyond the root {'the picture ends' if outside else dark}, so its edge is not seen;"
-            " correct axes.root_px in dpiv.toml if it is wrong, else give root_hidden_mm, the part"
-            " of the finger from its root on that is not to be used, and a scale that does not come"
-            " from the finger"
-        )
-
-
-def _deviation(kinematics: Kinematics, rough: OutlineFit, values: np.ndarray) -> np.ndarray:
+def _deviation(
+    kinematics: Kinematics, times: np.ndarray, rough: OutlineFit, law: np.ndarray
+) -> np.ndarray:
     """Standard deviation (Pa) of each frame from the law, by the scatter of the rough fit."""
     span, start = kinematics.high - kinematics.low, float(kinematics.law(kinematics.time[0]))
-    predicted, found = law_pressure(kinematics, rough.times, values), rough.parameter
+    predicted, found = law_pressure(kinematics, times, law), rough.pressures
     off = np.mean((found.mean(axis=0) - predicted) ** 2) - np.mean(found.var(axis=0))
     moving = max(np.sqrt(max(off, 0.0)), TIED * span)
     at_rest = np.abs(predicted - start) < REST * span
@@ -249,7 +226,6 @@ def with_length(
     """
     share, variance = 1.0, length_std**2
     if scale_std is not None and length_std > 0:
-        assert registration.stated is not None  # a stated scale has a stated pose
         share = scale_std**2 / (scale_std**2 + length_std**2)
         variance = share * length_std**2
     pose = registration.pose
@@ -258,16 +234,3 @@ def with_length(
     covariance = turn @ registration.covariance @ turn
     covariance[3, 3] += variance
     return replace(registration, pose=pose, covariance=covariance)
-
-
-def _registration(
-    frames: Frames, kinematics: Kinematics, fine: OutlineFit, stated: Pose | None
-) -> Registration:
-    values, free = fine.law.mean(axis=0), FREE * (kinematics.high - kinematics.low)
-    expected = law_pressure(kinematics, frames.times, values)
-    seen, std = single_pressures(frames, kinematics, fine, expected, free)
-    nuisance = Nuisance(fine.nuisance.mean(axis=0), fine.nuisance.std(axis=0))
-    misfit = float(np.sqrt(np.mean((seen - expected) ** 2)))
-    law = Law(values, np.cov(fine.law.T), misfit)
-    pose, covariance = fine.mean_pose(), np.cov(fine.pose.T)
-    return Registration(pose, covariance, nuisance, law, frames.times, seen, std, stated)

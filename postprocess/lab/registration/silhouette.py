@@ -21,6 +21,7 @@ COST = 4.0  # at most, of a particle within an outline: a reflection on the body
 ROUGH_PX, FINE_PX = 1.5, 0.5
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # from the first guess of the edge: surely inside, surely outside
+UNSHADED = 0.8  # of the finger's width, from its lit side on: no shadow
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,25 @@ def particles(frame: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarr
     return places[0], places[1]
 
 
-def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> WaterLikelihood:
-    """The likelihood of frames (row 0 at the top) with the body roughly at `masks`; None: found."""
+def learn(
+    frames: list[np.ndarray],
+    masks: list[np.ndarray] | None = None,
+    light_from: float | None = None,
+    width_px: float = 0.0,
+) -> WaterLikelihood:
+    """The likelihood of frames (row 0 at the top) with the body roughly at `masks`; None: found.
+
+    `light_from` (rad): only what lies within `width_px` of the lit side is surely the body.
+    """
     masks = [dark_body(f) for f in frames] if masks is None else masks
-    cores = [shrunk(m, CORE_PX) for m in masks]
-    clears = [shrunk(~m, CLEAR_PX) for m in masks]
+    cores, clears = [shrunk(m, CORE_PX) for m in masks], [shrunk(~m, CLEAR_PX) for m in masks]
+    if light_from is not None:
+        onward = UNSHADED * width_px * np.array([-np.cos(light_from), np.sin(light_from)])
+        move = np.column_stack([np.eye(2), onward])
+        cores = [
+            core & (cv2.warpAffine(mask.astype(np.uint8), move, mask.shape[::-1]) == 0)
+            for core, mask in zip(cores, masks, strict=True)
+        ]
     inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
     if inside.size < 200 or sum(m.sum() for m in clears) < 200:
         raise ValueError(
@@ -89,7 +104,8 @@ def learn(frames: list[np.ndarray], masks: list[np.ndarray] | None = None) -> Wa
     if not rate > 5 * within:
         raise ValueError(
             f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two"
-            " cannot be told apart; check that the finger is darker than the seeded water"
+            " cannot be told apart; check that the finger is darker than the seeded water, and"
+            " state light_from_deg where light comes from one side"
         )
     cost = min(float(np.log(rate / within)), COST)
     return WaterLikelihood(threshold, rate - within, cost, level, std)
@@ -130,14 +146,3 @@ def left_of(integral, mean, x0, y0, x1, y1):
     x = min(max(0.5 * (x0 + x1) + 0.5, 0.0), columns)
     low, high = min(max(y0 + 0.5, 0.0), rows), min(max(y1 + 0.5, 0.0), rows)
     return _up_to(integral, x, high) - _up_to(integral, x, low) + mean * x * (high - low)
-
-
-@numba.njit(cache=True)
-def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
-    """Sum of the evidence inside a counter-clockwise outline (point, 2) px, by Green's theorem."""
-    total = 0.0
-    n = outline.shape[0]
-    for k in range(n):
-        m = k + 1 if k + 1 < n else 0
-        total += left_of(integral, mean, outline[k, 0], outline[k, 1], outline[m, 0], outline[m, 1])
-    return total

@@ -11,15 +11,14 @@ from fileio.atomic import sha256, write_bytes, write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start
-from postprocess.lab.data.files import NO_NUISANCE, LabFiles, Law, Registration, write_registration
+from postprocess.lab.data.files import LabFiles, Law, Registration, write_registration
 from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.data.vectors import vectors_view
 from postprocess.lab.registration.check_fit import FitCheck, check_fit, draw_fit
-from postprocess.lab.registration.register import SWEEPS, register
+from postprocess.lab.registration.register import QUICK_SWEEPS, SWEEPS, Known, register
 
-QUICK_SWEEPS = (8, 10, 12, 30)
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 
@@ -61,30 +60,24 @@ def _of_pictures(
     seed: int,
     quick: bool,
 ) -> Registration:
-    stated, scale_std = stated_pose(dpiv, recording, kinematics.root)
-    delay = (-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None
-    length_std = (dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length
-    known: dict[str, Any] = {
-        "paired": dpiv.piv.pairing == "1-2,3-4",
-        "hidden": dpiv.root_hidden_mm * 1e-3,
-        "light_from": dpiv.light_from,
-    }
-    registration = register(
-        recording,
-        recording.times,
-        kinematics,
-        stated,
-        delay,
-        scale_std=scale_std,
-        length_std=length_std,
-        sweeps=QUICK_SWEEPS if quick else SWEEPS,
-        seed=seed,
-        **known,
-    )
-    both = None if scale_std is None else float(np.hypot(scale_std, length_std))
     turn = dpiv.axes.turn_std_deg
-    known |= {"scale_std": both, "turn_std": None if turn is None else np.radians(turn)}
-    check = check_fit(recording, recording.times, registration, kinematics, **known)
+    known = Known(
+        *stated_pose(dpiv, recording, kinematics.root),
+        turn_std=None if turn is None else float(np.radians(turn)),
+        delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
+        paired=dpiv.piv.pairing == "1-2,3-4",
+        hidden=dpiv.root_hidden_mm * 1e-3,
+        light_from=dpiv.light_from,
+        length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+    )
+    how = QUICK_SWEEPS if quick else SWEEPS
+    try:
+        registration = register(
+            recording, recording.times, kinematics, known, sweeps=how, seed=seed
+        )
+    except ValueError as error:
+        raise StageError(f"{dpiv.folder / NAME}: {error}") from error
+    check = check_fit(recording, registration, kinematics, known)
     refuse_what_does_not_fit(files, check, dpiv, keep=quick)
     return registration
 
@@ -149,7 +142,7 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     pose = Pose(1e3, float(np.radians(axes.turn_deg)), kinematics.root, at)
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
     none = np.empty(0)
-    return Registration(pose, covariance, NO_NUISANCE, law, none, none, none, pose)
+    return Registration(pose, covariance, 0.0, law, none, none, none, pose)
 
 
 def registration_summary(registration: Registration) -> dict[str, Any]:

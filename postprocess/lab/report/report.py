@@ -20,7 +20,7 @@ from postprocess.lab.data.dpiv_toml import Dpiv
 from postprocess.lab.data.files import LabFiles, read_registration
 from postprocess.lab.data.pictures import LabRecording
 from postprocess.lab.registration.register import law_pressure
-from postprocess.lab.report import answers, draw, wording
+from postprocess.lab.report import answers, draw
 from postprocess.report.page_template import page_template
 
 PICTURE_DPI = 120
@@ -45,7 +45,7 @@ def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]
         title=title,
         result=result,
         answer=answers.answer(result),
-        rows=wording.rows(result),
+        rows=[answers.row(q) for q in result["quantities"]],
         pictures=pictures,
         registration=result["registration"],
         pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),

@@ -62,7 +62,7 @@ def kinematics_alone(run, target, machine, quiet):
         RUN.write(run.out / "run" / "run.json", {})
 
 
-def analytic_sheet(run, view, path, quiet):
+def analytic_sheet(run, view, path, quiet, most=None):
     kinematics = read_kinematics(run.path("kinematics"))
     x0, x1, y0, y1 = view
     sheet = vortex_series(kinematics, TIMES, spacing=SPACING).sel(x=slice(x0, x1), y=slice(y0, y1))

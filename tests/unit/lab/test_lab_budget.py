@@ -18,7 +18,7 @@ from postprocess.lab.judgement.validation import (
 def quantity(error: float, *stds: float, scale: float = 10.0) -> ValidatedQuantity:
     kinds = ("numerical", "input", "data")
     sources = [Source(f"s{k}", kinds[k % 3], np.array([s]), "") for k, s in enumerate(stds)]
-    values = np.array([10 + error]), np.array([10 + error + 0.5]), np.array([10.0])
+    values = np.array([10 + error]), np.array([10.0])
     return ValidatedQuantity("q", "q", "m", *values, scale, sources)
 
 
@@ -27,7 +27,6 @@ def test_sources_add_in_squares_and_the_largest_is_named():
     assert q.u_val[0] == pytest.approx(1.3)
     assert q.u_kind("input")[0] == pytest.approx(0.4)
     assert q.dominant.name == "s2"
-    assert q.measurement_part[0] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +63,7 @@ def test_what_the_data_know_better_than_the_inputs_differs():
 
 def test_two_components_are_judged_together():
     source = Source("s", "data", np.array([1.0, 1.0]), "")
-    values = np.array([2.2, 1.0]), np.zeros(2), np.zeros(2)
+    values = np.array([2.2, 1.0]), np.zeros(2)
     near = ValidatedQuantity("c", "c", "m", *values, 100.0, [source])
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
     assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from piv.images.open_recording import files_of
 from postprocess.lab.data.dpiv_toml import read_dpiv
 
 WHOLE = """format = "dpiv"
@@ -80,7 +81,7 @@ VECTORS = (
         ('camera = "none"', "", "camera is missing"),
         ('camera = "none"', 'camera = "none"\nlight_from_deg = 90.0', "light_from_deg is of pict"),
         ("interval_s", 'pairing = "1-2,2-3", interval_s', "vectors need piv.interval_s alone"),
-        (", root_std_mm = 0.3", "", "root_mm or root_std_mm"),
+        (", root_std_mm = 0.3", "", "give root_std_mm"),
         (", turn_std_deg = 0.5", "", "turn_std_deg is missing"),
     ],
 )
@@ -93,3 +94,23 @@ def test_vectors_need_what_pictures_show(tmp_path, old, new, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"dpiv\.toml: missing"):
         read_dpiv(tmp_path)
+
+
+def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
+    kept = [line for line in WHOLE.splitlines() if line.split(" ")[0] not in REQUIRED.split()]
+    text = "\n".join([*kept, "piv = { window = 32, spacing = 8 }", 'axes = { y = "up" }'])
+    with pytest.raises(ValueError, match="is missing") as caught:
+        read_dpiv(written(tmp_path, text + "\nscale = { scale_mm_per_px = 0.1 }"))
+    asked = {part.split(" ")[0] for part in str(caught.value).split(": ", 1)[1].split("; ")}
+    parts = {"scale.std_percent", "axes.root_px", "piv.pairing"}
+    assert asked == parts | set(REQUIRED.split()) - {"piv", "axes", "scale"}
+
+
+@pytest.mark.parametrize("name", ["run 7", "20:30"])
+def test_a_name_with_a_space_or_a_colon_is_a_name(tmp_path, name):
+    folder = tmp_path / name
+    folder.mkdir()
+    dpiv = read_dpiv(written(folder, WHOLE.replace("frames/*.tif", f"{name}.tif")))
+    (folder / f"{name}.tif").touch()
+    assert [str(path) for path in files_of(dpiv.sources())] == [str(folder / f"{name}.tif")]
+    assert dpiv.name == name

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
+from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.flow import (
     excess_scatter,
     independent_instants,
     place_jacobian,
 )
-from postprocess.lab.registration.fit_outline import moved
+from postprocess.lab.registration.fit_outline import pose_of, state_of
 from postprocess.lab.registration.register import with_length
 
 
@@ -20,9 +20,8 @@ def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
     seen = pose.to_px(place)
     jacobian = place_jacobian(pose, place)
     for k, step in enumerate((1e-2, 1e-2, 1e-5, 1e-5)):
-        change = np.zeros(5)
-        change[k] = step
-        there, back = (moved(pose, s * change).to_tank(seen) for s in (1, -1))
+        change, state = step * np.eye(8)[k], state_of(pose, np.ones(3))
+        there, back = (pose_of(state + s * change, pose.anchor).to_tank(seen) for s in (1, -1))
         slope = (there - back) / (2 * step)
         np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-10)
 
@@ -67,7 +66,7 @@ def test_scale_of_a_finger_whose_length_is_not_known(scale_std, length_std, scal
     law = Law(np.ones(3), np.eye(3), 0.0)
     fitted = Pose(1 / (4.0 * 1.003), 0.0, stated.anchor, stated.at_px)
     covariance = np.diag([0.1, 0.1, 0.001, 0.001]) ** 2
-    known = fitted, covariance, NO_NUISANCE, law, *np.empty((3, 0))
+    known = fitted, covariance, 0.0, law, *np.empty((3, 0))
     registration = Registration(*known, None if scale_std is None else stated)
     registration = with_length(registration, scale_std, length_std)
     assert 1 / registration.pose.scale_mm_per_px / 4.0 == pytest.approx(scale, abs=1e-5)

@@ -7,15 +7,14 @@ import pandas as pd
 import pytest
 
 from piv.vortices.find import VortexSettings
-from postprocess.lab.data.files import NO_NUISANCE, Law, Registration
+from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.case import Case, Effect
 from postprocess.lab.judgement.flow import (
     explained_by_motion,
-    motion_sources,
     run_sources,
 )
-from postprocess.lab.judgement.motion import final_bend, recorded_motion_parts, stroke_duration
+from postprocess.lab.judgement.motion import at_recorded_motion, final_bend, stroke_duration
 from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
@@ -29,7 +28,7 @@ def case(tmp_path_factory):
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
     pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
-    registration = Registration(pose, np.eye(4), NO_NUISANCE, law, some, some, some, None)
+    registration = Registration(pose, np.eye(4), 0.0, law, some, some, some, None)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
     runs = (
         ("pressure", "input", 3e-5, bend, 0.0),
@@ -45,25 +44,26 @@ def case(tmp_path_factory):
 
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
-    pressure, duration = recorded_motion_parts(case)
+    pressure, duration = at_recorded_motion(case).of_motion
     # the bend is not quite linear in the pressure
     assert pressure.share == pytest.approx(2.5, rel=0.02)
     assert duration.share == pytest.approx(-1.0)
-    assert duration.std == pytest.approx(0.04)
+    assert duration.share_std == pytest.approx(0.04)
     assert duration.unlike == pytest.approx(0.2)  # 10 % faster, by a line through 10 % slower
 
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
-    moved = replace(case, motion=recorded_motion_parts(case))
+    moved = at_recorded_motion(case)
     names = [source.name for source in run_sources(case, COLUMNS, ROWS)]
-    assert names == ["pressure", "duration", "grid", "geometry and material"]
-    assert [s.name for s in run_sources(moved, COLUMNS, ROWS)] == ["grid"]
+    assert names == ["pressure", "geometry and material", "duration", "grid"]
+    std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
+    parts = {f"{name}{what}" for name in names[::2] for what in (" as recorded", ", linear")}
+    assert set(std) == parts | {"grid"}
     assert explained_by_motion(case, COLUMNS, ROWS) is None
     # S − D: the recording's flow is stronger by 2.5 runs of pressure and one of duration less
     assert explained_by_motion(moved, COLUMNS, ROWS)[0] == pytest.approx(
         -(2.5 * 3e-5 + 10e-5), rel=0.02
     )
-    std = {s.name: s.std[0] for s in motion_sources(moved, COLUMNS, ROWS)}
     assert std["duration as recorded"] == pytest.approx(0.04 * 10e-5)
     # 1/(1 + x) at x = −0.1 is 1.111; the line through x = 0.1 has 1.091
     line = 1 + (1 / 1.1 - 1) / 0.1 * -0.1
@@ -77,4 +77,4 @@ def test_nothing_is_taken_out_where_it_is_not_known(case, without):
         case = replace(case, registration=replace(case.registration, times=np.zeros(0)))
     else:
         case = replace(case, effects=[e for e in case.effects if e.name != without])
-    assert recorded_motion_parts(case) == []
+    assert at_recorded_motion(case).of_motion == []

@@ -9,7 +9,8 @@ from piv.images.calibration import Calibration, save_calibration
 from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.pictures import LabRecording
 from postprocess.lab.data.seeding import measure_appearance
-from postprocess.lab.registration.silhouette import inside_sum, integral_image, learn, particles
+from postprocess.lab.registration.silhouette import integral_image, learn, particles
+from tests.lab_scene import inside_sum
 from tests.shared_data import shared_data
 
 TOML = """format = "dpiv"

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from postprocess.lab.judgement.compare import flow_verdict, motion_verdict, overall_verdict
-from postprocess.lab.report import answers, wording
+from postprocess.lab.report import answers
+from postprocess.words import pair, size
 
 
 def quantity(
@@ -24,7 +25,6 @@ def quantity(
         "label": name.replace("_", " "),
         "unit": unit,
         "simulation": [scale + error],
-        "direct": [scale],
         "data": [scale],
         "error": [error],
         "u_val": [u_val],
@@ -133,5 +133,5 @@ def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():
 
 def test_rows_of_the_table_hold_both_components():
     centre = quantity("centre", 0.0, 1.0, unit="m") | {"error": np.array([3e-4, 4e-4])}
-    assert wording.pair(centre["error"], "m") == "(0.30, 0.40)\u00a0mm"
-    assert wording.size(centre["error"], "m") == "0.5\u00a0mm"
+    assert pair(centre["error"], "m") == "(0.30, 0.40)\u00a0mm"
+    assert size(centre["error"], "m") == "0.5\u00a0mm"

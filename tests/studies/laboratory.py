@@ -1,0 +1,201 @@
+"""Blind comparisons: recordings by the second renderer, with motion and water that are known.
+
+    python -m tests.studies.laboratory FIRST LAST [--scene cases/single_finger --level smoke]
+
+One row per seed goes to docs/record/laboratory_blind.csv. Faults follow from the seed alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import shapely
+import xarray as xr
+
+from fileio.errors import StageError
+from fileio.formats.kinematics import read_kinematics
+from fileio.formats.plane_series import read_plane
+from fileio.formats.recording import RecordingWriter
+from fileio.formats.records import LAB_COMPARISON
+from pipeline.runs.make import Machine, make, make_sheet
+from pipeline.runs.run import Run, open_run
+from piv.vortices.find import VortexSettings
+from piv.vortices.table import tabulate_vortices
+from postprocess.evidence.tip_vortex import dominant_track
+from postprocess.lab.command import compare_with
+from postprocess.lab.data.files import read_registration
+from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.judgement.compare import WIDE
+from tests.lab_renderer import Faults, Filmed
+
+TABLE = Path("docs/record/laboratory_blind.csv")
+VIEW = (-0.085, 0.125, 0.10, 0.285)  # m
+SHAPE, SCALE = (512, 640), 0.25  # px, mm/px
+PAIRS, RATE, INTERVAL = 21, 50.0, 0.002
+# kPa, s, viscosity over water's, gain of the flow away from the wall
+WATERS = {
+    "none": (20.0, 0.4, 1.0, 0.0),
+    "pressure +4 %": (20.8, 0.4, 1.0, 0.0),
+    "pressure -4 %": (19.2, 0.4, 1.0, 0.0),
+    "duration -6 %": (20.0, 0.376, 1.0, 0.0),
+    "water +25 %": (20.0, 0.4, 1.0, 0.25),
+    "water -25 %": (20.0, 0.4, 1.0, -0.25),
+    "viscosity x 3": (20.0, 0.4, 3.0, 0.0),
+    "three at once": (20.8, 0.376, 1.0, 0.25),
+}
+PLAN = ["none", "none", "none", *list(WATERS)[1:]]  # ten seeds
+BESIDE = (0.5, 0.7, 1.6, 2.5)  # every second ten seeds: density within 2 mm of the wall
+BLEND = 6e-3  # m from the wall over which a gain sets in: water sticks to it
+TOML = """format = "dpiv"
+format_version = 3
+title = "blind {seed}"
+kind = "pictures"
+files = "recording.h5"
+frame_rate_hz = {rate}
+start = "from motion"
+sheet_thickness_mm = 1.5
+finger_geometry = "measured"
+finger_length_std_mm = 0.05
+scale = {{ scale_mm_per_px = {scale}, std_percent = 0.5 }}
+axes = {{ y = "up", root_px = [{x:.1f}, {y:.1f}] }}
+piv = {{ window = 24, spacing = 8, pairing = "1-2,3-4", interval_s = {interval} }}
+"""
+
+
+def flow_of(nominal: Run, fault: str, folder: Path) -> tuple[Run, xr.Dataset, xr.Dataset]:
+    """Run of a fault's motion, its flow without and with a gain (tank frame, loaded)."""
+    pressure, duration, viscosity, gain = WATERS[fault]
+    overrides = {
+        "motion.strokes": [{"pressure_kpa": pressure, "start": 0.005, "duration": duration}],
+        "fluid.kinematic_viscosity": viscosity * 1.004e-6,
+    }
+    name = f"{pressure:g}_{duration:g}_{viscosity:g}"
+    run = nominal if name == "20_0.4_1" else open_run(
+        nominal.scene.folder, nominal.scene.level, overrides, nominal.out / "blind" / name
+    )  # fmt: skip
+    make(run, "run", Machine(), quiet=True)
+    make_sheet(run, VIEW, folder / f"{name}.h5", quiet=True)
+    with read_plane(folder / f"{name}.h5") as sheet:
+        base = sheet.load()
+    if not gain:
+        return run, base, base
+    points = shapely.points(*np.meshgrid(base["x"].values, base["y"].values))
+    bodies = (shapely.Polygon(o[0]) for o in base["outline"].values)
+    away = np.stack([shapely.distance(body, points) for body in bodies])
+    factor = 1 + gain * (1 - np.exp(-((away / BLEND) ** 2)))
+    return run, base, base.assign({n: base[n] * factor for n in ("u", "v")})
+
+
+def circulation(flow: xr.Dataset, pose: Pose, like: xr.Dataset, tip_width: float) -> pd.Series:
+    """Circulation (m²/s) of a flow on the grid and at the instants of a comparison."""
+    plane = camera_series(flow, pose, *(like[n].values for n in ("x", "y", "time")))
+    table = tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3))
+    times = plane["time"].values
+    track = dominant_track(table[table["bridged"] == 0], 0, (times[0], times[-1]), "flow")
+    return track.set_index("time")["circulation"].reindex(times)
+
+
+def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
+    """One recording rendered and compared; a row of the table."""
+    rng, ten = np.random.default_rng(seed), (seed - 201) // 10
+    fault = PLAN[(seed - 201) % 10]
+    beside = float(rng.choice(BESIDE)) if ten % 2 else 1.0
+    run, base, flow = flow_of(nominal, fault, folder)
+    kinematics = read_kinematics(run.path("kinematics"))
+    stated = Pose(SCALE, 0.0, kinematics.root, (220.0, 430.0))
+    scale = SCALE * (1 + rng.normal(0, 0.005))
+    x, y = (float(v) for v in stated.at_px + rng.uniform(-4, 4, 2))
+    true = Pose(scale, np.radians(rng.uniform(-2, 2)), kinematics.root, (x, y))
+    start = rng.uniform(0.002, 0.010)
+    begin = start + np.arange(PAIRS) / RATE
+    begin = begin[begin + INTERVAL < kinematics.time[1]]
+    times = np.column_stack([begin, begin + INTERVAL]).ravel()
+    pressures = kinematics.law(np.clip(times, *kinematics.time))
+    seen = kinematics, true, pressures, SHAPE, Faults(beside=beside), seed
+    film, place = Filmed(*seen, flow=flow, times=times), folder / f"blind_{seed}"
+    place.mkdir(exist_ok=True)
+    where = place / "recording.h5", SHAPE, np.uint8, len(film), {"bits": 8}
+    with RecordingWriter(*where, times=times - times[0]) as out:
+        for k in range(len(film)):
+            out.write(k, film.frame(k))
+        out.finish()
+    x, y = stated.at_px
+    values = {"seed": seed, "rate": RATE, "scale": SCALE, "x": x, "y": y, "interval": INTERVAL}
+    (place / "dpiv.toml").write_text(TOML.format(**values))
+    row: dict[str, object] = {"seed": seed, "fault": fault, "beside": beside}
+    lab = nominal.out / "lab" / place.name
+    try:
+        compare_with(nominal, place, Machine(), inputs=True, quick=False, quiet=True)
+    except (StageError, ValueError) as error:
+        return row | {"refused": str(error)}
+    found, result = read_registration(lab / "registration.json"), LAB_COMPARISON.read(
+        lab / "comparison.json"
+    )  # fmt: skip
+    law = read_kinematics(nominal.path("kinematics")).law
+    truth = [
+        *true.at_px,
+        true.angle,
+        -np.log(true.pixel),
+        float(kinematics.law(0.42) / law(0.42)),
+        -start,
+    ]
+    known = [*found.pose.at_px, found.pose.angle, -np.log(found.pose.pixel)]
+    known += [found.law.values[0], found.law.values[1]]
+    std = [*np.sqrt(np.diag(found.covariance)), found.law.std("factor"), found.law.std("delay")]
+    names = ("x_px", "y_px", "turn", "scale", "factor", "delay")
+    for name, one, other, s in zip(names, known, truth, std, strict=True):
+        row |= {f"{name}_error": one - other, f"{name}_std": s}
+    row |= {"stretch": found.law.values[2], "stretch_std": found.law.std("stretch")}
+    with read_plane(lab / "direct.h5") as direct:
+        like = direct.load()
+    width = kinematics.tip_width
+    within = slice(*(t + e for t, e in zip(result["window_s"], (-1e-6, 1e-6), strict=True)))
+    ours, theirs = (circulation(f, true, like, width).loc[within].mean() for f in (base, flow))
+    if fault == "viscosity x 3":
+        ours = (
+            circulation(flow_of(nominal, "none", folder)[1], true, like, width).loc[within].mean()
+        )
+    row |= {"true_difference": (ours - theirs) / theirs}
+    for q in result["quantities"]:
+        if q["name"] == "centre":
+            continue
+        size = abs(q["scale"])
+        row |= {f"{q['name']}_verdict": q["verdict"], f"{q['name']}_E": q["error"][0] / size}
+        row |= {f"{q['name']}_u": q["u_val"][0] / size, f"{q['name']}_u_D": q["u_D"][0] / size}
+        row |= {f"{q['name']}_found_above": q["detectable"] / size}
+    row |= {"finer": result["quantities"][2]["finer"][0] / abs(theirs)}
+    row |= {"motion": result["motion"], "flow": result["flow"], "begin_s": result["window_s"][0]}
+    row |= {"centre_verdict": result["quantities"][3]["verdict"], "refused": ""}
+    shutil.rmtree(lab)
+    return row
+
+
+def main() -> None:
+    """Append a row for each seed."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("first", type=int)
+    parser.add_argument("last", type=int)
+    parser.add_argument("--scene", default="cases/single_finger")
+    parser.add_argument("--level", default="smoke")
+    parser.add_argument("--table", type=Path, default=TABLE)
+    asked = parser.parse_args()
+    nominal = open_run(asked.scene, asked.level)
+    folder = nominal.out / "blind"
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in range(asked.first, asked.last + 1):
+        row = compared(nominal, seed, folder)
+        rows = pd.DataFrame([row])
+        if asked.table.exists():
+            rows = pd.concat([pd.read_csv(asked.table), rows])
+        rows.to_csv(asked.table, index=False, float_format="%.5g")
+        print(json.dumps(row, default=str), flush=True)
+        shutil.rmtree(folder / f"blind_{seed}", ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main()
