@@ -106,7 +106,7 @@ def _register(run: Run, files: LabFiles, dpiv: Dpiv, quiet: bool) -> None:
         for path in sorted(dpiv.folder.rglob("*"))
         if path.is_file()
     ]
-    made_from = digest(["registration", run.digest("kinematics"), data])
+    made_from = digest(["registration 2", run.digest("kinematics"), data])
     record = read_record(files.folder, "registration")
     if record and record["digest"] == made_from and not changed_outputs(files.folder, record):
         return
