@@ -45,42 +45,22 @@ def fit_circle(profile: FloatArray) -> tuple[float, float]:
     Positive where the profile turns towards +y; infinite where it is straight to 1e-6 of its
     length. The distances (m) are geometric.
     """
+    length = float(arc_length(profile)[-1])
     steps = np.diff(profile, axis=0)
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-    turn = direction[-1] - direction[0]
-    if abs(turn) < np.pi / 2:
-        return _flat_circle(profile)
-    return _round_circle(profile, float(np.sign(turn)))
-
-
-def _round_circle(profile: FloatArray, sign: float) -> tuple[float, float]:
-    """By centre and radius, from the algebraic fit."""
-    x, y = profile.T
-    columns = np.stack([2 * x, 2 * y, np.ones(len(x))], -1)
-    a, b, c = np.linalg.lstsq(columns, x**2 + y**2, rcond=None)[0]
-    start = [a, b, np.sqrt(c + a**2 + b**2)]
-    fit = least_squares(lambda q: np.hypot(x - q[0], y - q[1]) - q[2], start, **_STRICT)
-    return sign * float(fit.x[2]), float(np.sqrt(np.mean(fit.fun**2)))
-
-
-def _flat_circle(profile: FloatArray) -> tuple[float, float]:
-    """By curvature, offset and direction at the middle, which holds for a straight line too."""
-    along = profile[-1] - profile[0]
-    length = float(np.linalg.norm(along))
-    along = along / length
-    from_middle = profile - profile.mean(0)
-    s, h = (from_middle @ along) / length, (from_middle @ [-along[1], along[0]]) / length
+    middle = len(steps) // 2
+    a, b = np.cos(direction[middle]), np.sin(direction[middle])
+    s, h = ((profile - profile[middle]) / length @ [[a, -b], [b, a]]).T
 
     def distance(unknowns: FloatArray) -> FloatArray:
-        curvature, offset, direction = unknowns
-        c, d = np.cos(direction), np.sin(direction)
+        curvature, offset, turn = unknowns
+        c, d = np.cos(turn), np.sin(turn)
         x, y = c * s + d * (h - offset), -d * s + c * (h - offset)
-        # |x − centre| − R, without dividing by the curvature
+        # |x − centre| − R, without dividing by the curvature, which holds for a line too
         root = np.hypot(curvature * x, 1 - curvature * y)
         return (curvature * (x**2 + y**2) - 2 * y) / (1 + root)
 
-    start = np.polyfit(s, h, 2)
-    fit = least_squares(distance, [2 * start[0], start[2], 0.0], **_STRICT)
+    fit = least_squares(distance, [direction[-1] - direction[0], 0.0, 0.0], **_STRICT)
     curvature = float(fit.x[0])
     radius = length / curvature if abs(curvature) > 8e-6 else np.inf
     return radius, float(np.sqrt(np.mean(fit.fun**2))) * length
