@@ -46,11 +46,11 @@ def fit_circle(profile: FloatArray) -> tuple[float, float]:
     length. The distances (m) are geometric.
     """
     length = float(arc_length(profile)[-1])
-    steps = np.diff(profile, axis=0)
-    direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
-    middle = len(steps) // 2
-    a, b = np.cos(direction[middle]), np.sin(direction[middle])
-    s, h = ((profile - profile[middle]) / length @ [[a, -b], [b, a]]).T
+    # of few chords, which noise turns by little
+    few = profile[np.linspace(0, len(profile) - 1, 8).round().astype(int)]
+    direction = np.unwrap(np.arctan2(*np.diff(few, axis=0).T[::-1]))
+    a, b = np.cos(direction[3]), np.sin(direction[3])
+    s, h = ((profile - few[3:5].mean(0)) / length @ [[a, -b], [b, a]]).T
 
     def distance(unknowns: FloatArray) -> FloatArray:
         curvature, offset, turn = unknowns
