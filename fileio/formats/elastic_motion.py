@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import xarray as xr
 
 from fileio.schema import Schema, variables
 
-_FILE = Path("run/elastic_motion.h5")  # in a level's folder
+FILE = Path("run/elastic_motion.h5")  # in a level's folder
 
 SCHEMA = Schema(
     "elastic-motion",
@@ -27,12 +23,4 @@ first_order  -  1  1: the loads were continued to first order, since a mode alte
 """),
 )
 
-
-def write_elastic_motion(out: Path, values: Mapping[str, Any]) -> None:
-    """Write the file of a level's folder from SCHEMA's variables and attributes by name."""
-    SCHEMA.write(out / _FILE, values)
-
-
-def read_elastic_motion(out: Path) -> xr.Dataset:
-    """The file of a level's folder, loaded. StageError where it is damaged."""
-    return SCHEMA.read(out / _FILE)
+read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write

@@ -6,7 +6,6 @@ Of a rigid body it holds `unknown` and `coupled` alone.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -47,13 +46,8 @@ runs?  -  1  coupled: solved until that check was passed
 first_order?  -  1  coupled: 1: the loads were continued to first order
 """),
 )
-read_loads = SCHEMA.read
+read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
-
-
-def write_loads(out: Path, values: Mapping[str, Any]) -> None:
-    """Write loads.h5 of a level's folder from SCHEMA's variables and attributes by name."""
-    SCHEMA.write(out / "loads.h5", dict(values))
 
 
 def motion_sentence(values: Mapping[str, Any]) -> str:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -53,6 +52,7 @@ peak_closing_speed?  -  m/s  pinch: largest rate at which one finger's gap falls
 contact_time?  -  s  pinch: first instant within 0.1 mm of the residual gap, if any
 """),
 )
+write_kinematics = SCHEMA.write
 
 
 @dataclass(frozen=True)
@@ -140,15 +140,6 @@ class Kinematics:
         """Standard uncertainty of the bend angle (rad) at a pressure; None where unknown."""
         std = self.values("state_bend_std")
         return None if std is None else float(np.interp(pressure, self.data["state_pressure"], std))
-
-
-def write_kinematics(
-    path: Path,
-    values: Mapping[str, Any],
-    units: Mapping[str, str] | None = None,
-) -> None:
-    """Write a kinematics.h5 from SCHEMA's variables by name; `units` replace the declared ones."""
-    SCHEMA.write(path, dict(values), units=units)
 
 
 def read_kinematics(path: Path) -> Kinematics:

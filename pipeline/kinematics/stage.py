@@ -31,7 +31,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
 
         shapes = modelled_shapes(scene)
     values = kinematics_values(scene, shapes)
-    write_kinematics(scene.out / "kinematics.h5", values, units_of(scene, values))
+    write_kinematics(scene.out / "kinematics.h5", values, units=units_of(scene, values))
     if not quiet and scene.body:
         print(f"kinematics: a {scene.body.shape} in {len(values['shape_parameter'])} places")
     elif not quiet:

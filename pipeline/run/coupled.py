@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from fileio.atomic import write_bytes
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray, States
-from fileio.formats.elastic_motion import write_elastic_motion
+from fileio.formats.elastic_motion import FILE, write_elastic_motion
 from fileio.formats.kinematics import write_kinematics
 from fileio.formats.mesh_intervals import PER_FINGER, IntervalMesh, NodeMotion, write_planform
 from pipeline.case import build_mesh, write_interval
@@ -207,7 +207,7 @@ class Coupled:
         time = self.step * np.arange(self.last + 1)
         shapes = self.finger.shapes(time, h.pressure, h.delta)
         values = kinematics_values(self.scene, shapes, exact=True)
-        write_kinematics(out / "kinematics.h5", values, units_of(self.scene, values))
+        write_kinematics(out / "kinematics.h5", values, units=units_of(self.scene, values))
         intervals = [
             replace(mesh.interval, mesh=number, moving=True) for number, mesh in enumerate(meshes)
         ]
@@ -215,7 +215,7 @@ class Coupled:
         values_of = [follower.values() for follower in followers]
         write_planform(out / "planform.h5", intervals, attributes, values_of)
         write_elastic_motion(
-            self.scene.out,
+            self.scene.out / FILE,
             {
                 "time": time,
                 "pressure": h.pressure,

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from fileio.formats.bending_states import FloatArray
-from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.finger_loads import motion_sentence, write_loads
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
@@ -100,12 +100,12 @@ def run(scene: Scene, quiet: bool = False) -> None:
     """Write loads.h5."""
     kinematics = read_kinematics(scene.out / "kinematics.h5")
     if scene.body is not None:
-        write_loads(scene.out, {"unknown": _RIGID, "coupled": 0})
+        write_loads(scene.out / "loads.h5", {"unknown": _RIGID, "coupled": 0})
         return
     finger, pressures = ElasticFinger.of(scene), _pressures(kinematics)
     file = None
     if scene.coupled:
-        file = read_elastic_motion(scene.out)
+        file = read_elastic_motion(scene.out / FILE)
     turns = None if file is None else CubicSpline(file["time"].values, file["delta"].values)
     values = _measured_loads(scene, finger, pressures, turns, quiet)
     values |= {"coupled": int(file is not None), "unknown": "" if finger.known else _UNKNOWN}
@@ -120,6 +120,6 @@ def run(scene: Scene, quiet: bool = False) -> None:
             "The motion is prescribed; what the water does to it is computed for a finger that"
             " touches nothing."
         )
-    write_loads(scene.out, values)
+    write_loads(scene.out / "loads.h5", values)
     if not quiet:
         print(f"loads: {motion_sentence(values)}")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fileio.errors import StageError
-from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import SCHEMA
 from fileio.formats.mesh_intervals import read_intervals, read_planform
@@ -42,7 +42,7 @@ preset = "fast"
 
 def delta(scene):
     """Elastic rotations of a run."""
-    return read_elastic_motion(scene.out)["delta"].values
+    return read_elastic_motion(scene.out / FILE)["delta"].values
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
 
 def test_the_loads_of_the_run_make_its_motion(solved):
     """The criterion of every coupled run, in one run; on this mesh it is met ten times over."""
-    file = read_elastic_motion(solved.out)
+    file = read_elastic_motion(solved.out / FILE)
     assert file.attrs["runs"] == 1
     assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
     assert file.attrs["open_energy"] < 0.02
