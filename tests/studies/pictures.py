@@ -28,13 +28,14 @@ from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
-from tests.analytic.piv.tip_scene import tip_scene
-from tests.studies import viewer_session
+from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene
+from tests.studies import piv_pictures, viewer_session
 from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
 COPIED = ("pair_dorsal.webp", "pair_ventral.webp", "integrals.svg", "pair.svg", "centreline.svg",
           "closing.svg", "space_end.webp")  # fmt: skip
+GALLERY = {"single_finger": ("slices.webp", "pressure.png")}
 
 
 def copy_figures(scene: str, level: str) -> None:
@@ -45,7 +46,7 @@ def copy_figures(scene: str, level: str) -> None:
     if not flow:
         raise StageError(f"{figures}: no flow_*.webp; run make {scene} LEVEL={level} first")
     _copy(flow[len(flow) // 2], DOCS / name)
-    for figure in COPIED:
+    for figure in (*COPIED, *GALLERY.get(scene, ())):
         if (figures / figure).exists():
             _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
 
@@ -64,7 +65,7 @@ def vortices(path: Path) -> None:
         "CFD grid, 0.5 mm": tip_scene(0.5e-3, 5e-3, 1.5),
         "PIV-like, 1 mm, filtered, noisy": tip_scene(1e-3, 5e-3, 1.5, blur=0.8e-3, noise=2e-3),
     }
-    figure, axes = plt.subplots(1, 2, figsize=(10, 5), layout="constrained", sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(10, 5.4), layout="constrained", sharey=True)
     for axis, (title, (plane, centre)) in zip(axes, scenes.items(), strict=True):
         x, y, u, v = (plane[n].values for n in ("x", "y", "u", "v"))
         valid, step = plane["valid"].values != 0, x[1] - x[0]
@@ -72,15 +73,16 @@ def vortices(path: Path) -> None:
         axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap=COLOUR_MAP, vmin=-150, vmax=150)
         k = round(2e-3 / step)
         axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)
-        for w in find_vortices(plane):
+        for w in find_vortices(plane, scale=HALF_WIDTH / 3):  # a sixth of the tip's width
             place, radius = (w.x * 1e3, w.y * 1e3), w.radius * 1e3
             axis.add_patch(plt.Circle(place, radius, fill=False, lw=2))
-            text = f"{w.circulation * 1e4:.0f} ± {w.circulation_std * 1e4:.0f} cm²/s"
-            axis.annotate(text, place)
+            text = f"{w.circulation * 1e4:.1f} ± {w.circulation_std * 1e4:.1f} cm²/s"
+            above = (place[0], place[1] + radius + 1)
+            axis.annotate(text, above, ha="center")
         axis.plot(centre[0] * 1e3, centre[1] * 1e3, "k+", ms=12)
         axis.set(title=title, xlim=(-20, 40), ylim=(-30, 30), aspect="equal", xlabel="x, mm")
     axes[0].set_ylabel("y, mm")
-    figure.savefig(path, dpi=80)
+    figure.savefig(path, dpi=110)
 
 
 def synthetic(path: Path) -> None:
@@ -104,7 +106,7 @@ def synthetic(path: Path) -> None:
     for axis, (title, image) in zip(axes, pictures.items(), strict=True):
         axis.imshow(image, cmap="gray", vmin=0, vmax=200)
         axis.set(title=title, xlabel="column, px", ylabel="row, px")
-    figure.savefig(path, dpi=80)
+    figure.savefig(path, dpi=110)
 
 
 def main() -> None:
@@ -113,6 +115,7 @@ def main() -> None:
         copy_figures(scene, os.environ.get("LEVEL") or "coarse")
     vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
+    piv_pictures.draw(DOCS)
     if CHROMIUM and CHROMEDRIVER:
         viewer_session.main()
 

@@ -1,0 +1,49 @@
+"""`make docs`: pictures of PIV, by the commands of its tutorial, and of turbulence."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from fileio.formats.plane_series import make_plane, provenance, write_plane
+from piv.foreign.read import with_units
+from tests.studies.piv.turbulence_field import TurbulentPlane
+
+FRAMES = Path("docs/tutorials/frames").resolve()
+SETTINGS = "--window 24 --spacing 8 --rate 500 --scale-mm-per-px 0.1"
+PIV = (sys.executable, "-m", "piv")
+
+
+def piv(command: str, folder: Path) -> None:
+    """Run `piv COMMAND --quiet` in a folder."""
+    subprocess.run([*PIV, *command.split(), "--quiet"], cwd=folder, check=True)
+
+
+def tutorial(picture: Path, folder: Path) -> None:
+    """The tutorial's recording: masks, vectors `piv.h5`, vortices, picture."""
+    piv(f"mask {FRAMES} --dark -o masks", folder)
+    piv(f"correlate {FRAMES} -o piv.h5 --mask masks {SETTINGS}", folder)
+    piv("vortices piv.h5 -o vortices.csv", folder)
+    piv(f"plot piv.h5 --vortices vortices.csv -o {picture}", folder)
+
+
+def turbulence(picture: Path, folder: Path) -> None:
+    """Vortices of a plane of synthetic turbulence, vectors every 8 px."""
+    x, y = np.arange(0, 513, 8.0), np.arange(0, 513, 8.0)
+    u, v = TurbulentPlane(2.5, seed=1)(*np.meshgrid(x, y))
+    plane = with_units(make_plane(x, y, u, v), "px", "px", "frame")
+    write_plane(plane.assign_attrs(provenance()), folder / "turbulence.h5")
+    piv("vortices turbulence.h5 -o turbulence.csv", folder)
+    piv(f"plot turbulence.h5 --vortices turbulence.csv -o {picture}", folder)
+
+
+def draw(docs: Path) -> None:
+    """Both pictures."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        tutorial((docs / "tutorials/piv.png").resolve(), folder)
+        turbulence((docs / "vortices_turbulence.png").resolve(), folder)
