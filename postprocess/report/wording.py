@@ -33,7 +33,7 @@ def power_sentence(balance: dict[str, Any]) -> str:
     )
 
 
-def _requirement(check: dict[str, Any]) -> str:
+def requirement(check: dict[str, Any]) -> str:
     """What a check asks for, its tolerance included."""
     unit, value, tolerance = check["unit"], check["value"], check["tolerance"]
     if isinstance(value, str):
@@ -167,7 +167,7 @@ def rows(comparison: dict[str, Any], trial: bool = False) -> list[dict[str, Any]
             for of, value in check["measured"].items()
         ]
         met = None if trial else check["met"]
-        more = {"required": _requirement(check), "word": _word(met, trial), "met": met}
+        more = {"required": requirement(check), "word": _word(met, trial), "met": met}
         out.append(check | more | {"measured": measured, "window": check["window"] + seconds})
     return out
 

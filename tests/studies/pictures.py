@@ -1,12 +1,14 @@
-"""`make docs`: pictures of the docs from runs and from exact fields.
+"""`make docs`: pictures and numbers of the docs from runs, and pictures from exact fields.
 
 python -m tests.studies.pictures single_finger pinch    (the repository's root; LEVEL as in make)
 """
 
 from __future__ import annotations
 
+import json
 import os
 import sys
+import time
 from pathlib import Path
 
 import matplotlib
@@ -20,6 +22,7 @@ from fileio.atomic import write_bytes
 from fileio.command import guarded
 from fileio.errors import StageError
 from fileio.formats.plane_series import make_plane
+from fileio.formats.records import RUN
 from pipeline.scene.scene import load_scene
 from piv.plots.vectors import COLOUR_MAP
 from piv.synthetic.camera import Camera, Seeding
@@ -28,8 +31,11 @@ from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
+from postprocess.report.wording import requirement
+from postprocess.words import VERDICTS, measured_text
 from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene
 from tests.studies import piv_pictures, viewer_session
+from tests.studies.pages import write_table
 from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
@@ -49,6 +55,35 @@ def copy_figures(scene: str, level: str) -> None:
     for figure in (*COPIED, *GALLERY.get(scene, ())):
         if (figures / figure).exists():
             _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
+
+
+def copy_numbers(scene: str, level: str) -> None:
+    """What a run found and took, as the tables of its page: docs/scenes/."""
+    out = load_scene(Path("cases") / scene, level).out
+    checks = json.loads((out / "comparison.json").read_text(encoding="utf-8"))["checks"]
+    columns = ("finding", "asked for", "measured", "verdict")
+    rows = [(c["finding"], requirement(c), measured_text(c), VERDICTS[c["met"]]) for c in checks]
+    found = [dict(zip(columns, row, strict=True)) for row in rows]
+    write_table(DOCS / f"scenes/{scene}_findings.csv", columns, found)
+
+    run = RUN.read(out / "run/run.json")
+    balance = run["power_balance"]
+    work, taken = abs(balance["work"]), balance["taken"]
+    facts = {
+        "made": f"{time.strftime('%Y-%m-%d')}, level {level}, model {run['model']}",
+        "cells": f"{run['cells']:,}",
+        "time steps": f"{run['steps']:,} of {run['time_step'] * 1e3:g} ms",
+        "time of the solver": f"{run['wall_time']:.0f} s on {run['ranks']} ranks",
+        "largest Courant number": f"{run['courant_max']:.1f}",
+        "the finger's work on the water": f"{work * 1e3:.3f} mJ",
+        "of it kinetic energy at the end": f"{balance['kinetic_energy'] / work:.0%}",
+        "taken by viscosity": f"{taken['viscous'] / work:.0%}",
+        "taken by the convection scheme": f"{taken['convection'] / work:.0%}",
+        "taken by coupling pressure and velocity": f"{taken['coupling'] / work:.0%}",
+        "unexplained": f"{abs(balance['unexplained_fraction']):.1%}",
+    }
+    taken_by = [{"run": name, "value": value} for name, value in facts.items()]
+    write_table(DOCS / f"scenes/{scene}_run.csv", ("run", "value"), taken_by)
 
 
 def _copy(picture: Path, target: Path) -> None:
@@ -112,7 +147,9 @@ def synthetic(path: Path) -> None:
 def main() -> None:
     """Draw and copy all pictures."""
     for scene in sys.argv[1:]:
-        copy_figures(scene, os.environ.get("LEVEL") or "coarse")
+        level = os.environ.get("LEVEL") or "coarse"
+        copy_figures(scene, level)
+        copy_numbers(scene, level)
     vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
     piv_pictures.draw(DOCS)

@@ -27,7 +27,7 @@ def prose(text):
 
 def code(text):
     """Lines of fenced and indented code."""
-    fenced = "\n".join(re.findall(r"(?ms)^```\w*\n(.*?)^```", text))
+    fenced = "\n".join(re.findall(r"(?ms)^```[^\n]*\n(.*?)^```", text))
     rest = re.sub(r"(?ms)^```.*?^```", "", text)
     return fenced.splitlines() + [line[4:] for line in re.findall(r"(?m)^ {4}\S.*$", rest)]
 

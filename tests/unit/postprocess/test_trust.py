@@ -90,3 +90,18 @@ def test_the_readme_quotes_the_measured_errors():
     names = ("circulation", "centre", "velocity", "near_tip", "force")
     quoted = [f"{100 * table.loc['coarse', f'error_{name}']:.1f} %" for name in names]
     assert re.findall(r"[\d.]+ %", part) == quoted
+
+
+def test_the_page_of_costs_quotes_the_measured_errors():
+    results = ROOT / "cases" / "single_finger" / "studies" / "results" / "tradeoff.csv"
+    table = pd.read_csv(results, comment="#").set_index("run")
+    page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
+    rows = re.findall(r"(?m)^\| (draft|coarse|medium) \| (.*) \|$", page)
+    assert len(rows) == 3
+    parts = ("near_tip", "velocity", "circulation", "centre_mm", "peak_vorticity", "force")
+    columns = ("cells", "cpu_flow_s", *(f"error_{part}" for part in parts))
+    for level, cells in rows:
+        for column, shown in zip(columns, cells.replace(",", "").split(" | "), strict=True):
+            percent = column.startswith("error_") and not column.endswith("_mm")
+            value = table.loc[level, column] * (100 if percent else 1)
+            assert f"{value:.{len(shown.partition('.')[2])}f}" == shown, (level, column)
