@@ -67,7 +67,7 @@ def test_smoothing_helps_and_the_uncertainty_holds(rms, noise):
     # 0.970, 0.973, 0.992 and 0.973 of it; without smoothing it would be 1
     assert size(smooth) < 0.995 * size(plain)
     cover = np.mean((np.abs(smooth) < std)[np.isfinite(smooth)])
-    assert 0.58 < cover < 0.80  # 60-76 % asked; one picture scatters by ±2 %
+    assert 0.58 < cover < 0.80  # 60 to 76 % of whole planes; one picture scatters by ±2 %
 
 
 def test_the_uncertainty_holds_in_strong_turbulence():
@@ -84,9 +84,9 @@ def test_a_divergence_as_weak_as_the_noise_is_kept():
     divergence, vorticity = (
         np.sum(a[near] * b[near]) / np.sum(b[near] ** 2) for a, b in zip(seen, exact, strict=True)
     )
-    # asked of whole planes: 0.80, and within 0.1 of vorticity's; the filter of least error keeps
-    # 0.68 of this one
+    # 0.80 of whole planes, of this one 0.75 or more; the filter of least error keeps 0.68 of it
     assert divergence > 0.75
+    # of the true value: what smoothing takes from the one it takes from the other
     assert abs(divergence - vorticity) < 0.1
 
 
@@ -98,10 +98,10 @@ def test_smaller_windows_err_less(noise, gain):
 
 def test_strong_turbulence_is_not_emptied():
     e, _, flag = errors(2.5, 0.01)
-    # asked of the whole; 68-75 % with one window and without uncertain vectors
+    # 25 to 32 % are absent with one window and without uncertain vectors
     assert np.mean(np.isnan(e[0])) < 0.05
     assert size(e) < 0.3  # 0.45 px is what peers reach
-    # asked; 2.5 % with 0.3 px of uncertainty allowed
+    # `max_std` is chosen for it: 2.5 % with 0.3 px of uncertainty allowed
     assert np.mean(np.hypot(*e)[flag == 0] > 0.5) < 0.02
 
 
