@@ -52,10 +52,9 @@ def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
     """
     # a spline needs three rows; two are a ramp
     times, pressure = measured_table(path, "t,p", "s and Pa", least=2 if smoothing else 3)
-    if np.ptp(pressure) < 200:
-        raise StageError(
-            f"{path}: pressures span {np.ptp(pressure):.3g}, which looks like kPa; give Pa"
-        )
+    if (span := np.ptp(pressure)) < 200:
+        cause = "looks like kPa" if span else "moves no finger"
+        raise StageError(f"{path}: pressures span {span:.3g} Pa, which {cause}; give Pa")
     if smoothing:
         return averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
@@ -77,8 +76,8 @@ def measured_table(path: Path, header: str, units: str, least: int = 3) -> tuple
         raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < least:
         raise StageError(
-            f"{path}: needs two columns {header} and at least {least} rows, found shape"
-            f" {table.shape}"
+            f"{path}: has {len(table)} rows of {table.shape[-1]} numbers; give two columns {header}"
+            f" and at least {least} rows below their names"
         )
     finite, later = np.isfinite(table).all(1), np.diff(table[:, 0]) > 0
     if not finite.all():
