@@ -24,6 +24,11 @@ def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = d
     return value
 
 
+def plain(value: Any) -> Any:
+    """NumPy numbers and arrays as values of JSON, anything else as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
 def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     """The values of a table and of the tables in it, by their keys joined with dots."""
     values: dict[str, Any] = {}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -98,13 +97,8 @@ def check_whole(path: str | Path, remedy: str = REMEDY) -> bool:
 @lru_cache(maxsize=64)
 def _known(out: Path, changed: int) -> dict[str, str]:
     """SHA-256 of every recorded file in `out`; `changed`: its time of change, for the cache."""
-    return {name: state["sha256"] for r in _records(out) for name, state in r["outputs"].items()}
-
-
-def _records(out: Path) -> Iterator[dict[str, Any]]:
-    for path in sorted((out / FOLDER).glob("*.json")):
-        if (record := _parsed(path)) is not None:
-            yield record
+    records = map(_parsed, sorted((out / FOLDER).glob("*.json")))
+    return {name: state["sha256"] for r in records if r for name, state in r["outputs"].items()}
 
 
 def _parsed(path: Path) -> dict[str, Any] | None:

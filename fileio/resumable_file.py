@@ -16,6 +16,7 @@ from fileio.atomic import sync_file
 from fileio.errors import system_error
 from fileio.hdf5 import check_hdf5
 from fileio.hdf5_disk import DiskFile
+from fileio.json_text import plain
 
 
 class ResumableFile:
@@ -35,7 +36,7 @@ class ResumableFile:
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
         self._open: dict[str, h5py.Dataset] = {}  # a look-up takes as long as a write
-        text = json.dumps(identity, sort_keys=True, default=_plain)
+        text = json.dumps(identity, sort_keys=True, default=plain)
         self._identity = hashlib.sha256(text.encode()).hexdigest()
         self.resumed = self._continue()
         if not self.resumed:
@@ -176,8 +177,4 @@ class ResumableFile:
 def _attribute(value: Any) -> Any:
     """HDF5 attributes hold numbers and text; anything nested becomes JSON."""
     nested = isinstance(value, dict | list | tuple) or value is None
-    return json.dumps(value, default=_plain) if nested else value
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+    return json.dumps(value, default=plain) if nested else value

@@ -16,7 +16,7 @@ import xarray as xr
 from fileio.atomic import write_text
 from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
-from fileio.json_text import read_json
+from fileio.json_text import plain, read_json
 from fileio.provenance import check_version, versions
 from fileio.record import REMEDY, check_whole
 
@@ -178,11 +178,6 @@ class JsonFormat:
         content = read_json(path, self.remedy)
         check_version(content, path, self.format, self.version, self.remedy)
         return dict(content)
-
-
-def plain(value: Any) -> Any:
-    """NumPy numbers and arrays as values of JSON."""
-    return value.tolist() if hasattr(value, "tolist") else float(value)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import (
+    SWEEP,
     Interval,
     NodeMotion,
     read_intervals,
     read_planform,
-    write_sweep,
 )
 from fileio.lock import exclusive
 from pipeline.geometry.quality import planform_edges
@@ -282,7 +282,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
                 continue  # made in the run, in the shape that the finger then has
             nodes = NodeMotion.of(law, planform).nodes(interval.begin)
             write_interval(scene, intervals, interval, planform, mesh, nodes)
-    write_sweep(scene.out, columns)
+    SWEEP.write(scene.out / "sweep.h5", {}, columns)
     if not quiet:
         cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]
         print(f"case: {' + '.join(map(str, cells))} cells in {folder}")

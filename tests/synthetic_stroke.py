@@ -15,7 +15,7 @@ import xarray as xr
 from scipy.special import expit
 
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform, write_sweep
+from fileio.formats.mesh_intervals import SWEEP, Interval, write_planform
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.record import write_record
 
@@ -289,7 +289,7 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
     }
     attributes = {"model": "half", "mirror": 0}
     write_planform(out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh])
-    write_sweep(out, {})
+    SWEEP.write(out / "sweep.h5", {}, {})
 
 
 def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: str) -> None:

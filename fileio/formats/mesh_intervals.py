@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,11 +159,6 @@ def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
     return [{str(name): v.values for name, v in p.variables.items()} for p in planforms]
-
-
-def write_sweep(out: Path, cases: Mapping[str, Mapping[str, np.ndarray]]) -> None:
-    """Write sweep.h5 of a level's folder: SWEEP's variables of each case's mesh by its name."""
-    SWEEP.write(out / "sweep.h5", {}, cases)
 
 
 def read_sweep(out: Path, case: str) -> xr.Dataset:

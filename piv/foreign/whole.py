@@ -26,7 +26,7 @@ from fileio.atomic import whole, write_text
 from fileio.child_process import read_in_child
 from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, check_plane, fields_of
-from fileio.schema import plain
+from fileio.json_text import plain
 
 MARK = "# plane-series "  # before the JSON in the last line of a Tecplot file
 TAIL = 1 << 16  # bytes of it that are looked through at first
