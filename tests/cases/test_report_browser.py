@@ -86,7 +86,7 @@ def judged():
     whole = lab_result(*quantities, wrong=["final_bend"])
     return whole | {
         "scene": "finger", "level": "coarse", "data": "A laboratory", "window_s": [0.1, 0.2],
-        "instants": 12, "appearance": {}, "registration": whole["registration"] | registration,
+        "appearance": {}, "registration": whole["registration"] | registration,
         "provenance": {
             "dpiv_sha256": "0" * 64, "seed": 1,
             "versions": {"python": "3.11"},

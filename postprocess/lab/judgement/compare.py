@@ -23,7 +23,7 @@ from postprocess.lab.data.pose import camera_series
 from postprocess.lab.judgement import validation as budget
 from postprocess.lab.judgement.case import Case
 from postprocess.lab.judgement.clock import check_clock
-from postprocess.lab.judgement.flow import compared_instants, effect_of, flow_quantities, tables
+from postprocess.lab.judgement.flow import effect_of, flow_quantities, tables
 from postprocess.lab.judgement.measures import measure
 from postprocess.lab.judgement.motion import at_recorded_motion, motion_quantities
 from postprocess.lab.judgement.validation import ValidatedQuantity
@@ -35,7 +35,18 @@ MOTION = ("final_bend", "duration")  # what the silhouette shows
 # where a vortex is found in one flow, since meshes and windows then change less of it.
 WIDE = 2 / 9
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
-COPIED = ("name", "label", "unit", "simulation", "data", "error", "finer", "scale", "u_val")
+COPIED = (
+    "name",
+    "label",
+    "unit",
+    "simulation",
+    "data",
+    "error",
+    "finer",
+    "scale",
+    "u_val",
+    "window",
+)
 UNCERTAINTIES = ("u_num", "u_input", "u_D", "u_val")
 COMPONENTS = ("simulation", "data", "finer", "explained_by_motion", "error", *UNCERTAINTIES)
 
@@ -121,20 +132,17 @@ def compare(case: Case, inputs: Inputs) -> tuple[dict[str, Any], pd.DataFrame]:
     """
     case = at_recorded_motion(case)
     measured = tables(case)
-    rows, own = compared_instants(case, measured)
-    quantities = [*motion_quantities(case), *flow_quantities(case, measured, rows, own)]
+    quantities = [*motion_quantities(case), *flow_quantities(case, measured)]
     level = budget.joint_level(len(quantities))
     judged = [_judged(q, inputs.too_uncertain, level) for q in quantities]
     moves, flows = motion_verdict(judged), flow_verdict(judged)
-    times = case.direct["time"].values[rows]
     result = {
         "verdict": overall_verdict(moves, flows),
         "motion": moves,
         "flow": flows,
         "too_uncertain": inputs.too_uncertain,
         "wrong": [q["name"] for q in judged if q["verdict"] == budget.ERROR],
-        "window_s": (float(times[0]), float(times[-1])),
-        "instants": int(rows.sum()),
+        "window_s": next(q.window for q in quantities if q.name == "circulation"),
         "quantities": judged,
         "registration": registration_summary(case.registration),
     }

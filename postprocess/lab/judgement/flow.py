@@ -61,44 +61,45 @@ def effect_of(
     return Effect(one.name, kind, how, float(per_std), table, *motion_of_run(case.kinematics, run))
 
 
-def compared_instants(
-    case: Case, measured: dict[str, pd.DataFrame]
-) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Instants (instant,) bool that tell most of the circulation, and each side's scatter.
-
-    All from one instant on at which every side and run has its vortex. That instant makes the
-    predicted uncertainty of the mean least: the size of what PIV changes of it, the
-    vectors' scatter, and the effect of the numerics. Without a virtual experiment, the later half.
-    ValueError where there are fewer than three.
-    """
+def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
+    """Instants (n,) at which every side and run has its vortex; ValueError for fewer than three."""
     every = [*measured.values(), *(e.table for e in case.effects)]
-    ok = np.logical_and.reduce([np.isfinite(t["circulation"].to_numpy()) for t in every])
-    at = np.flatnonzero(ok)
+    at = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
     if at.size < FEWEST:
         raise ValueError(
             f"the tip vortex exists on all sides at only {at.size} instants; three are needed:"
             " take pictures of the whole stroke, or of more particles"
         )
-    sides = {"data": case.data} | ({} if case.virtual is None else {"virtual": case.virtual})
-    own = {name: scatter(plane, measured[name], at) for name, plane in sides.items()}
-    begin = at.size // 2 if at.size >= 2 * FEWEST else 0
-    if case.virtual is not None:
-        times = case.direct["time"].values
-        seen, true = (measured[name]["circulation"].to_numpy() for name in ("virtual", "direct"))
-        random = np.hypot(own["data"]["circulation"], own["virtual"]["circulation"])
+    return at
 
-        def predicted(first: int) -> float:
-            rows = at[first:]
-            swirl = _swirl(measured["data"], rows)
-            alike = independent_instants(times[rows], swirl, case.window_m)
-            parts = [UNLIKE * np.mean(np.abs(seen[rows] - true[rows])), random / np.sqrt(alike)]
-            parts += [e.std(("circulation",), rows)[0] for e in case.finer]
-            return float(np.linalg.norm(parts))
 
-        begin = min(range(at.size - max(FEWEST, int(LEAST * at.size)) + 1), key=predicted)
-    chosen = np.zeros(ok.size, bool)
-    chosen[at[begin:]] = True
-    return chosen, own
+def compared_instants(
+    case: Case,
+    measured: dict[str, pd.DataFrame],
+    at: np.ndarray,
+    columns: tuple[str, ...],
+    random: np.ndarray,
+) -> np.ndarray:
+    """The instants of `at` that tell most of a quantity: those of least predicted uncertainty.
+
+    That is what PIV changes of it, `random`, the vectors' scatter (component,), and the effect of
+    the numerics. A circulation lasts: all from one instant on. A place does not, since errors of a
+    path grow: a third of the instants. Without a virtual experiment the later half.
+    """
+    if "virtual" not in measured:
+        return at[at.size // 2 if at.size >= 2 * FEWEST else 0 :]
+    least = max(FEWEST, int(LEAST * at.size))
+    times, names = case.direct["time"].values, list(columns)
+    changed = (measured["virtual"] - measured["direct"])[names].to_numpy(float)
+
+    def predicted(rows: np.ndarray) -> float:
+        alike = independent_instants(times[rows], _swirl(measured["data"], rows), case.window_m)
+        parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), random / np.sqrt(alike)]
+        return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
+
+    starts = range(at.size - least + 1)
+    lasts = columns == VORTEX["circulation"][0]
+    return min((at[k:] if lasts else at[k : k + least] for k in starts), key=predicted)
 
 
 def independent_instants(times: np.ndarray, speed: float, window_m: float) -> float:
@@ -116,26 +117,23 @@ def _swirl(data: pd.DataFrame, rows: np.ndarray) -> float:
     return float((data["circulation"].abs() / (2 * np.pi * data["radius"]))[rows].mean())
 
 
-def flow_quantities(
-    case: Case,
-    measured: dict[str, pd.DataFrame],
-    rows: np.ndarray,
-    own: dict[str, dict[str, float]],
-) -> list[ValidatedQuantity]:
-    """Circulation and centre with all their sources, as means over the instants `rows`."""
+def flow_quantities(case: Case, measured: dict[str, pd.DataFrame]) -> list[ValidatedQuantity]:
+    """Circulation and centre with all their sources, as means over the instants that tell most."""
     simulated = "virtual" if "virtual" in measured else "direct"
-    times, registration = case.direct["time"].values[rows], case.registration
-    alike = independent_instants(times, _swirl(measured["data"], rows), case.window_m)
-    out = []
+    registration, at, out = case.registration, known_instants(case, measured), []
+    sides = {"data": case.data} | ({} if case.virtual is None else {"virtual": case.virtual})
+    own = {name: scatter(plane, measured[name], at) for name, plane in sides.items()}
     for name, (columns, unit, label) in VORTEX.items():
+        spread = {side: np.array([std[c] for c in columns]) for side, std in own.items()}
+        variance = np.sum([std**2 for std in spread.values()], axis=0)
+        rows = compared_instants(case, measured, at, columns, np.sqrt(variance))
+        times = case.direct["time"].values[rows]
+        alike = independent_instants(times, _swirl(measured["data"], rows), case.window_m)
         ours, direct, theirs = (
             measured[side].loc[rows, list(columns)].to_numpy(float)
             for side in (simulated, "direct", "data")
         )
-        scatter = {side: np.array([s[c] for c in columns]) for side, s in own.items()}
-        excess = excess_scatter(
-            times, ours - theirs, np.sum([std**2 for std in scatter.values()], axis=0)
-        )
+        excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
         delay = np.abs(rate) * registration.law.std("delay")
         if name == "circulation":  # goes with the square of the scale
@@ -148,7 +146,7 @@ def flow_quantities(
             ("time", delay, "fit of the finger's motion"),
             (*seat, POSTERIOR),
         ]
-        for side, std in scatter.items():
+        for side, std in spread.items():
             count = times.size if side == "virtual" and case.fresh_pairs else alike
             how = f"{count:.1f} of {times.size} instants count as independent"
             found.append(
@@ -169,12 +167,13 @@ def flow_quantities(
             run_sources(case, columns, rows) + sources,
             explained_by_motion(case, columns, rows),
             added if case.finer else None,
+            (float(times[0]), float(times[-1])),
         )
         known = np.hypot(quantity.u_kind("numerical"), quantity.u_kind("input"))
         quantity.instant["data"] = np.hypot(
-            np.hypot(scatter["data"], excess), quantity.u_kind("data")
+            np.hypot(spread["data"], excess), quantity.u_kind("data")
         )
-        quantity.instant["simulation"] = np.hypot(scatter.get("virtual", 0.0), known)
+        quantity.instant["simulation"] = np.hypot(spread.get("virtual", 0.0), known)
         out.append(quantity)
     return out
 

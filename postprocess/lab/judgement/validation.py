@@ -35,7 +35,7 @@ class ValidatedQuantity:
 
     `scale`: its size, for percentages. `explained`: part of S − D due to the difference of the
     motions, which is not in E; None where it is not known. `finer`: part of S that the finer runs
-    have added. `instant`: standard uncertainty of each side at one instant.
+    have added. `window` (s): of the instants. `instant`: standard uncertainty of each side there.
     """
 
     name: str
@@ -47,6 +47,7 @@ class ValidatedQuantity:
     sources: list[Source] = field(default_factory=list)
     explained: np.ndarray | None = None
     finer: np.ndarray | None = None
+    window: tuple[float, float] | None = None
     instant: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property

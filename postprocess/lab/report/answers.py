@@ -171,6 +171,7 @@ def row(q: Quantity) -> dict[str, Any]:
     source = next(s for s in q["sources"] if s["name"] == q["dominant"])
     return {
         "label": q["label"],
+        "window": q["window"],
         **{name: pair(q[name], unit) for name in ("simulation", "data", "error")},
         "explained": pair(q["explained_by_motion"], unit),
         "finer": pair(q["finer"], unit),

@@ -5,16 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial import cKDTree
 
+from fileio.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.judgement.case import Case, Effect
+from postprocess.lab.judgement.clock import check_clock
 from postprocess.lab.judgement.flow import (
     explained_by_motion,
     run_sources,
 )
 from postprocess.lab.judgement.motion import at_recorded_motion, final_bend, stroke_duration
+from postprocess.lab.registration.register import law_pressure
 from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
@@ -78,3 +82,36 @@ def test_nothing_is_taken_out_where_it_is_not_known(case, without):
     else:
         case = replace(case, effects=[e for e in case.effects if e.name != without])
     assert at_recorded_motion(case).of_motion == []
+
+
+def beside(kinematics, law, speed):
+    """Vectors that move `speed` times as fast as the wall beside them (pixels of a metre)."""
+    x, y = np.linspace(-0.04, 0.09, 40), np.linspace(0.14, 0.26, 37)
+    times = np.linspace(0.08, 0.30, 6)
+    at = np.stack(np.meshgrid(x, y), axis=-1)
+    ends = [law_pressure(kinematics, times + s * 1e-3, law) for s in (-0.5, 0.0, 0.5)]
+    before, now, after = (kinematics.shape("outline", p) for p in ends)
+    nearest = [cKDTree(outline).query(at)[1] for outline in now]
+    wall = [(b - a)[k] / 1e-3 * speed for a, b, k in zip(before, after, nearest, strict=True)]
+    u, v = np.moveaxis(np.array(wall), -1, 0)
+    return make_plane(x, y, u, v, time=times, valid=np.ones(u.shape, bool))
+
+
+@pytest.mark.parametrize(
+    "speed, stretch, ratio",
+    [(1.0, 1.0, None), (1.3, 1.0, "1.3"), (1.0, 1.0 / 1.3, "0.77"), (0.6, 1.0, "0.6")],
+    ids=["right", "interval", "rate", "interval, slower"],
+)
+def test_water_that_contradicts_the_silhouette_names_rate_and_interval(case, speed, stretch, ratio):
+    """A rate stated 1.3 times too high: the finger seems faster, the water does not."""
+    kinematics, law = case.kinematics, np.array([1.0, 0.0, 1.0])
+    pose = Pose(1e3, 0.0, kinematics.root, kinematics.root)
+    seen = replace(case.registration.law, values=np.array([1.0, 0.0, stretch]))
+    data = beside(kinematics, seen.values, speed * stretch)
+    known = {"data": data, "virtual": beside(kinematics, law, 1.0), "window_m": 0.01}
+    made = replace(case, registration=replace(case.registration, pose=pose, law=seen), **known)
+    if ratio is None:
+        check_clock(made)
+        return
+    with pytest.raises(ValueError, match=rf"moves {ratio} times .* frame_rate_hz .*interval_s"):
+        check_clock(made)

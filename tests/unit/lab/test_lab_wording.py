@@ -24,6 +24,7 @@ def quantity(
         "name": name,
         "label": name.replace("_", " "),
         "unit": unit,
+        "window": None,
         "simulation": [scale + error],
         "data": [scale],
         "error": [error],
