@@ -64,16 +64,12 @@ def run_comparison(
     case = _make_case(files, dpiv, kinematics, registration, planes, inputs)
     check_clock(case)
     result, series = compare(case, inputs)
-    direct, made = planes.direct, {e.name for e in case.effects}
+    made = {e.name for e in case.effects}
     run = RUN.read(files.stage.required("run/run.json", "run"))
     result |= {
         "scene": files.stage.scene,
         "level": files.stage.level,
         "data": dpiv.title,
-        "name": dpiv.name,
-        "kind": dpiv.kind,
-        "two_dimensional": "dwdz" in direct and not np.any(np.nan_to_num(direct["dwdz"].values)),
-        "finger_geometry": dpiv.finger_geometry,
         "missing_runs": [one.name for one in inputs.all if one.name not in made],
         "appearance": planes.appearance,
         "provenance": {

@@ -56,7 +56,6 @@ def result(*quantities, wrong=(), missing=()):
         "quantities": judged,
         "missing_runs": list(missing),
         "registration": law,
-        "two_dimensional": True,
     }
 
 
