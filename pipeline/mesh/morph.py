@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from numpy import ndarray
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from pipeline.geometry.quality import Quality
 from pipeline.scene.sections import Mesh
@@ -117,8 +117,8 @@ class Morph:
         entries = np.bincount(self._place, local.ravel())
         return gradient, sp.csc_matrix((entries, self._rows, self._start), [self.size] * 2)
 
-    def _solve(self, hessian: sp.csc_matrix, right: ndarray) -> ndarray:
-        """Free coordinates x of H x = right, the prescribed ones being 0."""
+    def _factored(self, hessian: sp.csc_matrix) -> SuperLU:
+        """Solves for the free coordinates x of H x = right, the prescribed ones being 0."""
         entries = hessian.data[self._of_free], self._free_rows, self._free_start
         symmetric = {"SymmetricMode": True}
         return splu(
@@ -126,7 +126,7 @@ class Morph:
             permc_spec="MMD_AT_PLUS_A",
             options=symmetric,
             diag_pivot_thresh=0.0,
-        ).solve(right)
+        )
 
     def relax(self, nodes: ndarray) -> ndarray:
         """Nodes of least energy with the fixed coordinates as in `nodes`, which must be valid."""
@@ -135,7 +135,7 @@ class Morph:
         for _ in range(_MAX_ITERATIONS):
             gradient, hessian = self.derivatives(nodes, exact)
             step = np.zeros(self.size)
-            step[self.free] = -self._solve(hessian, gradient[self.free])
+            step[self.free] = -self._factored(hessian).solve(gradient[self.free])
             slope = gradient @ step
             move = step.reshape(-1, 2)
             if 0 <= -slope < _GRADIENT_TOLERANCE**2 * max(energy, 1.0):
@@ -170,16 +170,28 @@ class Morph:
             nodes, at = self.relax(trial), at + step
         return nodes
 
-    def pursue(self, nodes: ndarray, target: ndarray) -> ndarray:
-        """Carry a nearly relaxed mesh to boundaries that have moved a little, by one Newton step.
+    def pursuit(self, near: ndarray) -> Callable[[ndarray, ndarray], ndarray]:
+        """Carries nearly relaxed meshes close to `near` to boundaries that have moved a little.
 
-        The fixed coordinates of `target` (node, 2) are used. Raises MorphError.
+        One Newton step with the Hessian of `near`; nodes and target (node, 2) as of `approach`.
         """
-        gradient, hessian = self.derivatives(nodes, exact=True)
-        trial = self._respond(nodes, target, gradient, hessian)
-        if trial is not None:
-            return trial
-        return self.approach(nodes, target)
+        _, hessian = self.derivatives(near, exact=True)
+        factor = self._factored(hessian)
+
+        def pursue(nodes: ndarray, target: ndarray) -> ndarray:
+            trial = self._respond(nodes, target, self._slope(nodes), hessian, factor)
+            return self.approach(nodes, target) if trial is None else trial
+
+        return pursue
+
+    def _slope(self, nodes: ndarray) -> ndarray:
+        """Gradient (2·node,) of the energy."""
+        f = self.deformation(nodes)
+        det, square = _determinant(f)[:, None, None], (f**2).sum((1, 2), keepdims=True)
+        cofactor = np.stack([f[:, 1, 1], -f[:, 1, 0], -f[:, 0, 1], f[:, 0, 0]], -1)
+        stress = f * (1 + 1 / det**2) - square / det**3 * cofactor.reshape(f.shape)
+        force = np.matmul(self.gradient, stress.transpose(0, 2, 1))
+        return np.bincount(self._dof.ravel(), force.ravel(), self.size)
 
     def approach(self, nodes: ndarray, target: ndarray) -> ndarray:
         """Carry a relaxed mesh straight to the fixed coordinates of `target`. Raises MorphError."""
@@ -188,14 +200,19 @@ class Morph:
     def _predict(self, nodes: ndarray, target: ndarray) -> ndarray | None:
         """The linear response of the relaxed mesh to moved boundaries; None where it inverts."""
         _, hessian = self.derivatives(nodes, exact=True)
-        return self._respond(nodes, target, np.zeros(self.size), hessian)
+        return self._respond(nodes, target, np.zeros(self.size), hessian, self._factored(hessian))
 
     def _respond(
-        self, nodes: ndarray, target: ndarray, gradient: ndarray, hessian: sp.csc_matrix
+        self,
+        nodes: ndarray,
+        target: ndarray,
+        gradient: ndarray,
+        hessian: sp.csc_matrix,
+        factor: SuperLU,
     ) -> ndarray | None:
         free, move = self.free, (target - nodes).ravel()
         move[free] = 0.0
-        move[free] = -self._solve(hessian, (gradient + hessian @ move)[free])
+        move[free] = -factor.solve((gradient + hessian @ move)[free])
         trial = nodes + move.reshape(-1, 2)
         shrink = _determinant(self.deformation(trial)) / _determinant(self.deformation(nodes))
         return trial if shrink.min() > 0.1 else None

@@ -47,6 +47,7 @@ _RECORDS = "coupling"  # folder in case/: a file for each step
 _BEFORE = "first_run.npz"  # beside them: of a first run that failed its check
 _FRAME = 0.25  # of a time step: the displacement of an instant stands before and after it
 _STALE_TURN = np.radians(25.0)  # of the tip, after which the water's inertia is computed anew
+_HESSIAN = 5  # steps that the mesh's Hessian serves, and between two checks of its quality
 _PAUSE = 1e-3  # s
 _CONTACT = 0.01  # N: the first force that is tried
 _MODES = 8
@@ -261,6 +262,7 @@ class Follower:
         self._planform = Planform(nodes=file["built"].values, fixed=fixed, **parts)
         triangles = corner_triangles(self._planform.triangles, self._planform.quads)
         self._morph = Morph(self._planform.nodes, triangles, fixed)
+        self._near = -1  # number of the step whose nodes give the mesh's Hessian
         kept = run.restore(run.last)
         shapes, bends = file["points"].values, file["bend"].values
         near = int(np.argmin(np.abs(bends - run.bend(self._first)))) if self._first else 0
@@ -280,7 +282,9 @@ class Follower:
         target[self._planform.wall] = outline_at(run.outline_after(number), self._planform.material)
         try:
             nodes = move(nodes, target)
-            check_quality(shape_quality(self._planform, nodes), run.bend(number), run.scene.mesh)
+            if number % _HESSIAN == 0:
+                quality = shape_quality(self._planform, nodes)
+                check_quality(quality, run.bend(number), run.scene.mesh)
         except MorphError as error:
             raise StageError(
                 f"{run.scene.folder / 'scene.toml'}: at {number * run.step:.4g} s the mesh cannot"
@@ -289,7 +293,10 @@ class Follower:
         return nodes
 
     def _follow(self, number: int) -> None:
-        self.nodes[number] = self._at(number, self.nodes[number - 1], self._morph.pursue)
+        near = number - 1 - (number - 1 - self._first) % _HESSIAN
+        if near != self._near:
+            self._near, self._pursue = near, self._morph.pursuit(self.nodes[near])
+        self.nodes[number] = self._at(number, self.nodes[number - 1], self._pursue)
 
     def _advance(self, number: int) -> None:
         """From the loads at the end of a step to the rotations of the next; leaves a record."""
