@@ -26,13 +26,17 @@ class MorphError(ValueError):
     """No valid mesh of this connectivity was found for a boundary."""
 
 
-def check_quality(quality: Quality, bend: float, mesh: Mesh) -> None:
-    """MorphError, naming the bend, where a shape breaks mesh.max_non_orthogonality_deg."""
+def check_quality(quality: Quality, bend: float, mesh: Mesh, beyond: float = 0.0) -> None:
+    """MorphError, naming the bend, where a shape breaks mesh.max_non_orthogonality_deg.
+
+    `beyond`: what is allowed above that limit, deg.
+    """
     worst = quality.max_non_orthogonality_deg
-    if worst > mesh.max_non_orthogonality_deg or quality.min_area_ratio <= 0:
+    if worst > mesh.max_non_orthogonality_deg + beyond or quality.min_area_ratio <= 0:
         raise MorphError(
             f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
             f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
+            + (f" and {beyond:g}°" if beyond else "")
         )
 
 

@@ -48,6 +48,7 @@ _BEFORE = "first_run.npz"  # beside them: of a first run that failed its check
 _FRAME = 0.25  # of a time step: the displacement of an instant stands before and after it
 _STALE_TURN = np.radians(25.0)  # of the tip, after which the water's inertia is computed anew
 _HESSIAN = 5  # steps that the mesh's Hessian serves, and between two checks of its quality
+_BEYOND = 5.0  # deg above the limit of non-orthogonality that the first guess keeps
 _PAUSE = 1e-3  # s
 _CONTACT = 0.01  # N: the first force that is tried
 _MODES = 8
@@ -284,7 +285,7 @@ class Follower:
             nodes = move(nodes, target)
             if number % _HESSIAN == 0:
                 quality = shape_quality(self._planform, nodes)
-                check_quality(quality, run.bend(number), run.scene.mesh)
+                check_quality(quality, run.bend(number), run.scene.mesh, _BEYOND)
         except MorphError as error:
             raise StageError(
                 f"{run.scene.folder / 'scene.toml'}: at {number * run.step:.4g} s the mesh cannot"
