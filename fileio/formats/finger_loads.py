@@ -41,7 +41,7 @@ unknown  -  -  why the motion in water is not known, as a sentence; empty where 
 tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
 open_energy?  -  1  coupled: work and energy that do not match, over the pressure's work
 moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
-largest_contact?  -  N  coupled: largest force on a whole finger of what its tip touches
+contact_force?  -  N  coupled: median force on a whole finger while its tip touches; else 0
 runs?  -  1  coupled: solved until that check was passed
 first_order?  -  1  coupled: 1: the loads were continued to first order
 """),
@@ -61,7 +61,7 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
             f"Pressure and water make the finger's motion together: the loads{again}{order} would"
             f" move its tip by {values['tip_change'] * 1e3:.2g} mm more, and"
             f" {values['open_energy']:.1%} of the pressure's work is open"
-            + (" until the contact." if values["largest_contact"] > 0 else ".")
+            + (" until the contact." if values["contact_force"] > 0 else ".")
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"
                 " bending was analysed."
@@ -69,8 +69,8 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
                 else ""
             )
             + (
-                f" The contact pushes each finger with up to {values['largest_contact']:.2g} N."
-                if values["largest_contact"] > 0
+                f" While the tips touch, {values['contact_force']:.2g} N push each finger (median)."
+                if values["contact_force"] > 0
                 else ""
             )
         )

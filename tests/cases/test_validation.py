@@ -10,7 +10,7 @@ from pipeline import sheet as sheets
 from pipeline.run import stage as run
 from pipeline.scene.scene import load_scene
 from tests.conftest import prepare
-from tests.studies.validation import cylinders, deforming
+from tests.studies.validation import cantilever, cylinders, deforming, sprung
 from tests.studies.validation.solve import CASES
 
 pytestmark = pytest.mark.openfoam
@@ -36,6 +36,19 @@ def test_added_mass_of_a_cylinder(tmp_path):
     # 20 steps to the smooth begin and walls of 52 points: 4 % where the real level has 2 %
     assert abs(checks["accelerating.mass"].deviation) < 0.04
     assert abs(checks["accelerating.rise"].deviation) < 0.04
+
+
+def test_wet_period_of_a_cylinder_that_its_spring_and_the_water_move(tmp_path):
+    """1 %: this mesh gives the added mass to 4 %, and that is half of the mass."""
+    scene = load_scene(CASES / sprung.NAME, "tiny", out=tmp_path)
+    period, _ = sprung.fitted(*sprung.solve(scene))
+    assert period == pytest.approx(sprung.theory(scene.fluid.kinematic_viscosity)[0], rel=0.01)
+
+
+def test_added_mass_of_a_thin_plate():
+    """Coefficients of rectangular plates as tabulated, e.g. in DNV-RP-C205, to three digits."""
+    for aspect, tabulated in ((1.0, 0.579), (2.0, 0.757), (5.0, 0.897)):
+        assert cantilever.added_mass(aspect, np.ones_like) == pytest.approx(tabulated, rel=1e-3)
 
 
 def test_force_on_an_oscillating_cylinder(tmp_path):

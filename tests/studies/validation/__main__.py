@@ -10,7 +10,15 @@ from pathlib import Path
 
 from fileio.command import guarded
 from fileio.errors import StageError
-from tests.studies.validation import cylinders, deforming, exact_fields, finger, plates
+from tests.studies.validation import (
+    cantilever,
+    cylinders,
+    deforming,
+    exact_fields,
+    finger,
+    plates,
+    sprung,
+)
 from tests.studies.validation.checks import Result, write_result
 from tests.studies.validation.ledger import DOCS, ORDER, write_ledger
 from tests.studies.validation.solve import solved
@@ -28,6 +36,8 @@ def measure(name: str, again: bool) -> Result | None:
     others: dict[str, Callable[[], Result | None]] = {
         "deforming_mesh": partial(deforming.measure, again),
         "exact_fields": exact_fields.measure,
+        sprung.NAME: sprung.measure,
+        cantilever.NAME: cantilever.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
     }

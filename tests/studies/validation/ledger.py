@@ -14,7 +14,8 @@ from tests.studies.validation.figures import FIGURES
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 ORDER = (
-    "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "plate_impulsive",
+    "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "sprung_cylinder",
+    "cantilever_plate", "plate_impulsive",
     "plate_medium_layer", "plate_thin_layer", "plate_accelerating", "deforming_mesh",
     "exact_fields", "finger_2d", "finger",
 )  # fmt: skip

@@ -45,12 +45,12 @@ def record_of(scene: Scene) -> dict[str, Any]:
     return json.loads((scene.out / "run" / "run.json").read_text())
 
 
-def solved(row: str, study: str = "validation") -> Scene:
-    """The scene of a row of a study, with its run; StageError where that is not there or stale."""
+def solved(row: str, study: str = "validation", stage: str = "sheet") -> Scene:
+    """The scene of a row of a study, made up to a stage; StageError where one is stale."""
     rows = {one.run: one for one in read_study(CASES / "studies" / f"{study}.csv")}
     run = run_of(describe(CASES, study, rows[row]))
-    for stage, why in run.stale("sheet").items():
-        raise StageError(f"{run.out}: {stage}: {why}; run make validate, which makes the runs")
+    for late, why in run.stale(stage).items():
+        raise StageError(f"{run.out}: {late}: {why}; run make validate, which makes the runs")
     return run.scene
 
 

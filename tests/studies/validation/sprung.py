@@ -74,7 +74,9 @@ def solve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     chain, water = cylinder(density), Surroundings(fluid=density)
     finger = ElasticFinger(
         chain=chain,
-        chambers=lambda time: np.clip(time / RISE, 0, 1) ** 2 * (3 - 2 * np.clip(time / RISE, 0, 1)),
+        chambers=lambda time: (
+            np.clip(time / RISE, 0, 1) ** 2 * (3 - 2 * np.clip(time / RISE, 0, 1))
+        ),
         frame=FRAME,
         root=centre - 0.5 * LENGTH * FRAME[0],
         water=water,
@@ -127,7 +129,10 @@ def measure() -> Result:
     """The wet period against theory."""
     scene = load_scene(CASES / NAME, "coarse")
     time, path = solve(scene)
-    (period, decrement), (wanted, lost) = fitted(time, path), theory(scene.fluid.kinematic_viscosity)
+    (period, decrement), (wanted, lost) = (
+        fitted(time, path),
+        theory(scene.fluid.kinematic_viscosity),
+    )
     source = "Stokes 1851: added mass and thin layer of a cylinder"
     checks = (
         Check("sprung.period", "wet period over dry period", period / DRY_PERIOD, 0.01, "relative",
