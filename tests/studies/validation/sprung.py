@@ -16,6 +16,7 @@ from fileio.formats.bending_states import States
 from fileio.formats.elastic_motion import read_elastic_motion
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
+from pipeline.kinematics.pressure_law import smooth_step
 from pipeline.kinematics.rigid_body import rest_outline
 from pipeline.mesh import stage as mesh
 from pipeline.run import coupled
@@ -44,8 +45,8 @@ def cylinder(density: float) -> Chain:
     mass = np.pi / 4 * density
     stiffness = 0.5 * LENGTH * mass * (0.5 * LENGTH) ** 2 * (2 * np.pi / DRY_PERIOD) ** 2
     # rubber in the whole of the square section: no water in gaps; its mass is the circle's
-    rubber = {"rubber_mass": mass / LENGTH, "rubber_section": 1.0, "rubber_height": 0.5}
-    law = replace(constant_law(stiffness, 0.5, 3), **rubber)
+    spring = constant_law(stiffness, 0.5, 3)
+    law = replace(spring, rubber_mass=mass / LENGTH, rubber_section=1.0, rubber_height=0.5)
     return Chain(States(np.array([-1.0, 0.0, 1.0]), profile, still + 1.0), law, 1.0)
 
 
@@ -68,15 +69,19 @@ class Circle:
         return self.rest + 0.5 * LENGTH * (turn[int(at)] - turn[0]) * FRAME[1]
 
 
+def _foot(time: np.ndarray, derivative: int = 0) -> np.ndarray:
+    """Place of the spring's foot over REST."""
+    return smooth_step(time / RISE, derivative) / RISE**derivative
+
+
 def solve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Time (s) and displacement (m) of the cylinder of a scene."""
+    assert scene.body is not None
     centre, density = np.asarray(scene.body.centre), scene.fluid.density
     chain, water = cylinder(density), Surroundings(fluid=density)
     finger = ElasticFinger(
         chain=chain,
-        chambers=lambda time: (
-            np.clip(time / RISE, 0, 1) ** 2 * (3 - 2 * np.clip(time / RISE, 0, 1))
-        ),
+        chambers=_foot,
         frame=FRAME,
         root=centre - 0.5 * LENGTH * FRAME[0],
         water=water,
