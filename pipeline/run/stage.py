@@ -23,7 +23,6 @@ from pipeline.run.prepare import prepare
 from pipeline.run.results import collect_results
 from pipeline.run.solver import BAR, resumes_rightly, solve
 from pipeline.scene.scene import Scene
-from pipeline.structure.coupling import check_again
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
@@ -98,16 +97,21 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         followers = solve_all()
         if coupled:
             result = coupled.check()
-            if not result.passes(scene.finger.length) and not coupled.before:
+            length = scene.finger.length
+            if not result.passes(length) and not coupled.before:
                 if not quiet:
-                    print(f"run: {result.describe()}; a second run starts from the motion found")
+                    print(f"run: {result.describe(length)}; a second run begins with its motion")
                 coupled.keep_as_first()
                 (cases[0] / STATE).unlink()
                 guards = guards_of()
                 coupled, meshes = Coupled(scene), list(guesses)
                 followers = solve_all()
                 result = coupled.check()
-            check_again(result, scene.finger.length, f"{scene.folder / 'scene.toml'}")
+            if not result.passes(length):
+                raise StageError(
+                    f"{scene.folder / 'scene.toml'}: the coupled motion fails its check:"
+                    f" {result.describe(length)}; lower numerics.time_step"
+                )
             meshes = coupled.write(followers, meshes, result)
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection

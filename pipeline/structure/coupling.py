@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain, Unloaded
 from pipeline.structure.elastic_law import law_at
@@ -123,11 +122,12 @@ class Check:
         """Whether both are within their tolerance; `length` (m): the finger's."""
         return self.tip <= TIP_TOLERANCE * length and self.open_energy <= ENERGY_TOLERANCE
 
-    def describe(self) -> str:
-        """In words."""
+    def describe(self, length: float) -> str:
+        """In words, with what is allowed to a finger of `length` (m)."""
         return (
             f"under the loads of the run its tip moves by {self.tip * 1e3:.2g} mm and"
-            f" {self.open_energy:.1%} of the pressure's work is open"
+            f" {self.open_energy:.1%} of the pressure's work is open, with"
+            f" {TIP_TOLERANCE * length * 1e3:.2g} mm and {ENERGY_TOLERANCE:.0%} allowed"
         )
 
 
@@ -155,13 +155,3 @@ def check(
         open_share(parts),
         share,
     )
-
-
-def check_again(result: Check, length: float, where: str) -> None:
-    """StageError where also the second run of a coupled motion fails its check."""
-    if not result.passes(length):
-        raise StageError(
-            f"{where}: the coupled motion fails its check by {result.tip * 1e3:.2g} mm of the tip"
-            f" and {result.open_energy:.1%} of open energy, with {TIP_TOLERANCE * length * 1e3:.2g}"
-            f" mm and {ENERGY_TOLERANCE:.0%} allowed; lower numerics.time_step"
-        )

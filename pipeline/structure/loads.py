@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fileio.formats.bending_states import FloatArray
@@ -30,21 +29,6 @@ def surface_forces(
     return place[kept, :2], force[kept, :2]
 
 
-def slice_of(
-    chain: Chain, profile: FloatArray, thickness: FloatArray, place: ComplexArray
-) -> NDArray[np.intp]:
-    """The slice (n,) whose middle line is nearest to places (n,); 0: the clamped length.
-
-    `profile` (point, 2) and `thickness` (point,): of the chain; `place`: in the actuator's frame,
-    from the root's ventral edge.
-    """
-    line = middle_line(profile, thickness)
-    pieces = 0.5 * (line[1:] + line[:-1])
-    owner = np.searchsorted(chain.joints, np.arange(len(pieces)), side="right")
-    tree = cKDTree(np.column_stack([pieces.real, pieces.imag]))
-    return np.asarray(owner[tree.query(np.column_stack([place.real, place.imag]))[1]])
-
-
 def middle_line(profile: FloatArray, thickness: FloatArray) -> ComplexArray:
     """Points half way up the finger."""
     points = profile[:, 0] + 1j * profile[:, 1]
@@ -66,7 +50,12 @@ def slice_loads(
     nearest. `profile` (point, 2) and `thickness` (point,) are those of the chain `at` one time;
     `place` and `force` (face,) are in the actuator's frame, from the root's ventral edge.
     """
-    owner, line = slice_of(chain, profile, thickness, place), middle_line(profile, thickness)
+    line = middle_line(profile, thickness)
+    pieces = 0.5 * (line[1:] + line[:-1])
+    nearest = cKDTree(np.column_stack([pieces.real, pieces.imag])).query(
+        np.column_stack([place.real, place.imag])
+    )[1]
+    owner = np.searchsorted(chain.joints, nearest, side="right")
     middle = np.concatenate([[line[: chain.joints[0] + 1].mean()], at.middle])
     heading = np.concatenate([[1.0], at.heading])
     turning = (np.conj(place - middle[owner]) * force).imag
