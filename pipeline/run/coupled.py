@@ -38,9 +38,8 @@ from pipeline.openfoam.gate import clear_gates, close_gate, open_gate
 from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from pipeline.scene.scene import Scene
-from pipeline.structure.coupling import Check, History, alternates, check, next_delta
+from pipeline.structure.coupling import Check, Coupling
 from pipeline.structure.finger import ElasticFinger, Posed
-from pipeline.structure.motion import at_rest
 from pipeline.structure.water_inertia import forces_of_water
 
 _RECORDS = "coupling"  # folder in case/: a file for each step
@@ -80,19 +79,10 @@ class Coupled:
         self.last = steps_of(scene.motion.end_time, self.step)
         self.finger = ElasticFinger.of(scene)
         self.finger.need_stiffness(scene)
-        chain = self.finger.chain
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
-        self.unloaded = chain.unloaded(pressure)
-        shape = (self.last + 1, chain.slices)
-        self.history = History(
-            pressure, np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3))
-        )
+        self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
         self.force = np.zeros(self.last + 1)  # of the contact, N
-        nothing = np.zeros((chain.slices, 3))
-        self.history.delta[0] = at_rest(chain, float(pressure[0]), self.finger.water, nothing)
-        self.first_order = False
-        self.inertia: FloatArray | None = None
-        self.inertia_turn = 0.0
+        self.inertia_turn: float | None = None  # bend (rad) in which the water's inertia is known
         self.folder = scene.out / "case" / _RECORDS
         start = self.finger.shapes(
             np.arange(3.0), pressure[[0, 0, 0]], self.history.delta[[0, 0, 0]]
@@ -101,10 +91,10 @@ class Coupled:
         self._motion = finger_motion(motion, scene.finger, None, scene.folder, start)
         self._rest = self._shape(float(pressure[0]), self.history.delta[0])
         before = self.folder / _BEFORE
-        self.before: History | None = None
+        self.before: tuple[FloatArray, FloatArray] | None = None
         if before.exists():
             kept = _load(before)
-            self.before = History(pressure, kept["delta"], kept["loads"], kept["contact"])
+            self.before = kept["delta"], kept["loads"]
 
     def _shape(self, pressure: float, delta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Profile and thickness at a pressure (Pa) and rotations (slice,)."""
@@ -136,8 +126,7 @@ class Coupled:
 
         Returns the nodes of each step that they hold.
         """
-        nodes = {}
-        self.inertia = None
+        nodes, self.inertia_turn = {}, None
         for path in self._records():
             if int(path.stem) > until:
                 path.unlink()
@@ -153,8 +142,9 @@ class Coupled:
                 self.force[number + 1] = record["force"]
             if record["nodes"].size:
                 nodes[number + 1] = record["nodes"]
-            self.inertia, self.inertia_turn = record["inertia"], float(record["inertia_turn"])
-            self.first_order = bool(record["first_order"])
+            self.history.inertia = record["inertia"]
+            self.inertia_turn = float(record["inertia_turn"])
+            self.history.first_order = bool(record["first_order"])
         return nodes
 
     def advance(self, number: int) -> None:
@@ -162,18 +152,14 @@ class Coupled:
 
         A contact is a force without friction that is as large as it takes to keep the residual gap.
         """
-        later, pinch, history, inertia = number + 1, self.scene.pinch, self.history, self.inertia
-        assert inertia is not None
+        later, pinch, history = number + 1, self.scene.pinch, self.history
         push = None
 
         def short(force: float) -> float:
             """By how much (m) the gap is too small."""
             nonlocal push
             history.contact[later] = 0.0 if push is None else force * push
-            history.delta[later] = next_delta(
-                self.finger.chain, self.unloaded, self.step, self.finger.water, inertia,
-                history, number, self.first_order, self.before,
-            )  # fmt: skip
+            history.delta[later] = history.next_delta(number, self.before)
             self.force[later] = force
             return pinch.residual_gap - float(gap(self.outline_after(later), pinch)) if pinch else 0
 
@@ -190,16 +176,9 @@ class Coupled:
 
     def keep_as_first(self) -> None:
         """Begin again, guided by this run's loads."""
-        history = self.history
-        loads, contact = history.loads, history.contact
-        _save(self.folder / _BEFORE, delta=history.delta, loads=loads, contact=contact)
+        _save(self.folder / _BEFORE, delta=self.history.delta, loads=self.history.loads)
         for path in self._records():
             path.unlink()
-
-    def check(self) -> Check:
-        """The check of the whole motion."""
-        assert self.inertia is not None
-        return check(self.finger.chain, self.step, self.finger.water, self.inertia, self.history)
 
     def write(
         self, followers: list[Follower], meshes: list[IntervalMesh], result: Check
@@ -227,7 +206,7 @@ class Coupled:
                 "open_energy": result.open_energy,
                 "moment_share": result.moment,
                 "runs": 1 if self.before is None else 2,
-                "first_order": int(self.first_order),
+                "first_order": int(h.first_order),
             },
         )
         return [
@@ -303,13 +282,9 @@ class Follower:
         """From the loads at the end of a step to the rotations of the next; leaves a record."""
         run, history = self._run, self._run.history
         turn = run.bend(number)
-        if run.inertia is None or abs(turn - run.inertia_turn) > _STALE_TURN:
-            run.inertia = self._inertia(number)
-            run.inertia_turn = turn
-        chain, unloaded, step = run.finger.chain, run.unloaded, run.step
-        run.first_order = run.first_order or alternates(
-            chain, unloaded, step, run.inertia, history, number
-        )
+        if run.inertia_turn is None or abs(turn - run.inertia_turn) > _STALE_TURN:
+            history.inertia, run.inertia_turn = self._inertia(number), turn
+        history.first_order = history.first_order or history.alternates(number)
         later = min(number + 1, run.last)
         if number < run.last:
             run.advance(number)
@@ -322,9 +297,9 @@ class Follower:
             contact=history.contact[later],
             force=run.force[later],
             nodes=self.nodes.get(number + 1, np.zeros(0)) if number > self._start else np.zeros(0),
-            inertia=run.inertia,
+            inertia=history.inertia,
             inertia_turn=run.inertia_turn,
-            first_order=run.first_order,
+            first_order=history.first_order,
         )
 
     def _inertia(self, number: int) -> FloatArray:
@@ -392,7 +367,7 @@ class Follower:
         known = max(at, self._start)
         run.restore(known)
         if self._first and known == self._start:
-            run.inertia = None  # that of the mesh before
+            run.inertia_turn = None  # that of the mesh before
         self.nodes = {n: x for n, x in self.nodes.items() if n <= known + 1}
         self._frames = Frames(self._case, self._guess.planform, self._guess.sweep, self._ranks)
         for number in range(at, min(known + 1, self._end) + 1):

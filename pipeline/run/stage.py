@@ -96,7 +96,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
 
         followers = solve_all()
         if coupled:
-            result = coupled.check()
+            result = coupled.history.check()
             length = scene.finger.length
             if not result.passes(length) and not coupled.before:
                 if not quiet:
@@ -106,7 +106,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 guards = guards_of()
                 coupled, meshes = Coupled(scene), list(guesses)
                 followers = solve_all()
-                result = coupled.check()
+                result = coupled.history.check()
             if not result.passes(length):
                 raise StageError(
                     f"{scene.folder / 'scene.toml'}: the coupled motion fails its check:"

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fileio.formats.bending_states import FloatArray
-from pipeline.structure.chain import Chain, Unloaded
+from pipeline.structure.chain import Chain
 from pipeline.structure.elastic_law import law_at
 from pipeline.structure.energy import energies, open_share
-from pipeline.structure.motion import Surroundings, advance, motion, past, turning
+from pipeline.structure.motion import Surroundings, advance, at_rest, motion, past, turning
 
 # Weights of the rest now and before: linear continuation that halves what alternates, and a mean
 _SECOND = np.array([1.25, 0.5, -0.75])
@@ -28,86 +28,6 @@ _SIGNS = 8  # changes of sign in a row that show an alternating mode
 _LARGE = 0.2  # of the largest load until then: smaller ones are the pressure solver's
 TIP_TOLERANCE = 0.005  # of the length: largest change of the tip by one evaluation
 ENERGY_TOLERANCE = 0.02  # of the pressure's work that is left open
-
-
-@dataclass
-class History:
-    """A coupled motion at the solver's steps, known up to a number of them.
-
-    `pressure` (time,) Pa; `delta` (time, slice) rad; `loads` of the water and of a `contact`
-    (time, slice, 3): N along and across each slice, and N m.
-    """
-
-    pressure: FloatArray
-    delta: FloatArray
-    loads: FloatArray
-    contact: FloatArray
-
-
-def rest_of(
-    unloaded: Unloaded, step: float, inertia: FloatArray, history: History,
-    numbers: NDArray[np.intp],
-) -> FloatArray:  # fmt: skip
-    """Loads (number, slice, 3) at numbered times without those of the water's `inertia`."""
-    rest = history.loads[numbers].copy()
-    for row, number in zip(rest, numbers.tolist(), strict=True):
-        times = past(number)
-        row += inertia @ turning(unloaded, times, history.delta[times], step)
-    return rest
-
-
-def next_delta(
-    chain: Chain,
-    unloaded: Unloaded,
-    step: float,
-    water: Surroundings,
-    inertia: FloatArray,
-    history: History,
-    number: int,
-    first_order: bool,
-    before: History | None = None,
-) -> FloatArray:
-    """Rotations (slice,) rad after time `number`, up to which `history` is known.
-
-    Its `contact` is taken of the next time. `before`: a whole run, whose loads guide the
-    continuation.
-    """
-    numbers = np.maximum(number - np.arange(len(_SECOND)), 0)
-    weights = _FIRST if first_order else _SECOND
-
-    def rest(of: History, at: NDArray[np.intp]) -> FloatArray:
-        return rest_of(unloaded, step, inertia, of, at)
-
-    loads = np.tensordot(weights, rest(history, numbers), 1)
-    if before is not None:
-        loads += rest(before, np.array([number + 1]))[0]
-        loads -= np.tensordot(weights, rest(before, numbers), 1)
-    loads += history.contact[number + 1]
-    times = past(number + 1)
-    pressure, around = float(history.pressure[number + 1]), replace(water, inertia=inertia)
-    earlier = history.delta[times[1:]]
-    return advance(chain, unloaded, times, pressure, step, around, loads, earlier)
-
-
-def alternates(
-    chain: Chain,
-    unloaded: Unloaded,
-    step: float,
-    inertia: FloatArray,
-    history: History,
-    number: int,
-) -> bool:
-    """Whether the rest of the loads changes its sign from step to step, and grows."""
-    if number < _SIGNS + 4:
-        return False
-    numbers = np.arange(number - _SIGNS - 1, number + 1)
-    arm = chain.arc[chain.joints[:-1]]
-    moment = rest_of(unloaded, step, inertia, history, numbers)[..., 1] @ arm
-    bent = np.diff(moment, 2)
-    half = len(bent) // 2
-    until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
-    most = np.abs(history.loads[: number + 1, :, 1] @ arm).max()
-    return bool((bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * most))
 
 
 @dataclass(frozen=True)
@@ -131,27 +51,83 @@ class Check:
         )
 
 
-def check(
-    chain: Chain, step: float, water: Surroundings, inertia: FloatArray, history: History
-) -> Check:
-    """What the loads of a run make of its motion; the modelled `inertia` leaves no trace in it."""
-    unloaded = chain.unloaded(history.pressure)
-    rest = rest_of(unloaded, step, inertia, history, np.arange(len(history.delta)))
-    around = replace(water, inertia=inertia)
-    rest += history.contact
-    after = motion(chain, history.pressure, step, around, rest, history.delta[0])
-    change = chain.profile(history.pressure, after) - chain.profile(history.pressure, history.delta)
-    # an impact takes energy within a step, in which it is not resolved
-    touched = np.flatnonzero(history.contact.any(axis=(1, 2)))
-    free = slice(0, touched[0] if len(touched) else None)
-    parts = energies(
-        chain, history.pressure[free], history.delta[free], step, water, history.loads[free]
-    )
-    bent = np.diff(history.delta, axis=1, prepend=0.0) / chain.springs
-    laws = [law_at(chain.law, chain.pressure, p) for p in history.pressure]
-    share = max(law.share(law.moment(b)) for law, b in zip(laws, bent, strict=True))
-    return Check(
-        float(np.hypot(*change[:, -1].T).max()),
-        open_share(parts),
-        share,
-    )
+class Coupling:
+    """A coupled motion at the solver's steps, known up to a number of them.
+
+    `pressure` (time,) Pa; `delta` (time, slice) rad; `loads` of the water and of a `contact`
+    (time, slice, 3): N along and across each slice, and N m; `inertia` of the water (slice, 3,
+    slice), as Surroundings'. `first_order`: how the loads are continued.
+    """
+
+    def __init__(
+        self, chain: Chain, step: float, water: Surroundings, pressure: FloatArray
+    ) -> None:
+        """At rest at the first pressure; `step` in s."""
+        self.chain, self.step, self.water, self.pressure = chain, step, water, pressure
+        self.unloaded = chain.unloaded(pressure)
+        self.loads = np.zeros((len(pressure), chain.slices, 3))
+        self.contact = np.zeros_like(self.loads)
+        self.delta = np.zeros(self.loads.shape[:2])
+        self.delta[0] = at_rest(chain, float(pressure[0]), water, self.loads[0])
+        self.inertia = np.zeros((chain.slices, 3, chain.slices))
+        self.first_order = False
+
+    def _rest(self, delta: FloatArray, loads: FloatArray, numbers: NDArray[np.intp]) -> FloatArray:
+        """Loads (number, slice, 3) at numbered times of a motion without those of the inertia."""
+        rest = loads[numbers].copy()
+        for row, number in zip(rest, numbers.tolist(), strict=True):
+            times = past(number)
+            row += self.inertia @ turning(self.unloaded, times, delta[times], self.step)
+        return rest
+
+    def next_delta(
+        self, number: int, before: tuple[FloatArray, FloatArray] | None = None
+    ) -> FloatArray:
+        """Rotations (slice,) rad after time `number`, up to which the motion is known.
+
+        The contact is that of the next time. `before`: rotations and loads of a whole run, which
+        guide the continuation.
+        """
+        numbers = np.maximum(number - np.arange(len(_SECOND)), 0)
+        weights = _FIRST if self.first_order else _SECOND
+        loads = np.tensordot(weights, self._rest(self.delta, self.loads, numbers), 1)
+        if before is not None:
+            loads += self._rest(*before, np.array([number + 1]))[0]
+            loads -= np.tensordot(weights, self._rest(*before, numbers), 1)
+        loads += self.contact[number + 1]
+        times = past(number + 1)
+        around = replace(self.water, inertia=self.inertia)
+        pressure, earlier = float(self.pressure[number + 1]), self.delta[times[1:]]
+        return advance(
+            self.chain, self.unloaded, times, pressure, self.step, around, loads, earlier
+        )
+
+    def alternates(self, number: int) -> bool:
+        """Whether the rest of the loads changes its sign from step to step, and grows."""
+        if number < _SIGNS + 4:
+            return False
+        numbers = np.arange(number - _SIGNS - 1, number + 1)
+        arm = self.chain.arc[self.chain.joints[:-1]]
+        bent = np.diff(self._rest(self.delta, self.loads, numbers)[..., 1] @ arm, 2)
+        half = len(bent) // 2
+        until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
+        most = np.abs(self.loads[: number + 1, :, 1] @ arm).max()
+        return bool((bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * most))
+
+    def check(self) -> Check:
+        """What the loads make of the whole motion; the modelled inertia leaves no trace in it."""
+        chain, pressure, delta = self.chain, self.pressure, self.delta
+        rest = self._rest(delta, self.loads, np.arange(len(delta))) + self.contact
+        around = replace(self.water, inertia=self.inertia)
+        after = motion(chain, pressure, self.step, around, rest, delta[0])
+        change = chain.profile(pressure, after) - chain.profile(pressure, delta)
+        # an impact takes energy within a step, in which it is not resolved
+        touched = np.flatnonzero(self.contact.any(axis=(1, 2)))
+        free = slice(0, touched[0] if len(touched) else None)
+        parts = energies(
+            chain, pressure[free], delta[free], self.step, self.water, self.loads[free]
+        )
+        bent = np.diff(delta, axis=1, prepend=0.0) / chain.springs
+        laws = [law_at(chain.law, chain.pressure, p) for p in pressure]
+        share = max(law.share(law.moment(b)) for law, b in zip(laws, bent, strict=True))
+        return Check(float(np.hypot(*change[:, -1].T).max()), open_share(parts), share)

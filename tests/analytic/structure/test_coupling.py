@@ -10,8 +10,8 @@ from fileio.formats.bending_states import read
 from fileio.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.coupling import Check, History, alternates, check, next_delta
-from pipeline.structure.motion import Surroundings, at_rest, motion, past, turning
+from pipeline.structure.coupling import Check, Coupling
+from pipeline.structure.motion import Surroundings, motion, past, turning
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 STEP = 2e-3  # s: that of levels draft and coarse
@@ -38,23 +38,17 @@ def inertia_of(chain, mass):
 
 def coupled(chain, water, known, first_order=False, before=None):
     """The motion in water of the inertia `water`, where the scheme takes it for `known`."""
-    count = len(TIME)
-    shape = (count, chain.slices)
-    nothing = np.zeros((*shape, 3))
-    history = History(PRESSURE, np.zeros(shape), nothing.copy(), nothing)
-    history.delta[0] = at_rest(chain, 0.0, AIR, np.zeros((chain.slices, 3)))
-    unloaded = chain.unloaded(PRESSURE)
-    for number in range(count):
+    history = Coupling(chain, STEP, AIR, PRESSURE)
+    history.inertia, history.first_order = known, first_order
+    for number in range(len(TIME)):
         if number:
             times = past(number)
-            rate = turning(unloaded, times, history.delta[times], STEP)
+            rate = turning(history.unloaded, times, history.delta[times], STEP)
             history.loads[number] = -water @ rate
-        if alternates(chain, unloaded, STEP, known, history, number):
+        if history.alternates(number):
             return history, number
-        if number + 1 < count:
-            history.delta[number + 1] = next_delta(
-                chain, unloaded, STEP, AIR, known, history, number, first_order, before
-            )
+        if number + 1 < len(TIME):
+            history.delta[number + 1] = history.next_delta(number, before)
     return history, None
 
 
@@ -75,7 +69,7 @@ def test_water_that_is_known_within_a_fifth_is_met_in_one_run(chain, water, trut
     """0.5 % of the length (the criterion of every run) is a fifth of what 20 % of the mass do."""
     history, unstable = coupled(chain, water, factor * water)
     assert unstable is None
-    result = check(chain, STEP, AIR, factor * water, history)
+    result = history.check()
     assert result.passes(chain.arc[-1])
     apart = chain.profile(PRESSURE, history.delta) - chain.profile(PRESSURE, truth)
     assert np.hypot(*apart[:, -1].T).max() < 0.005 * chain.arc[-1]
@@ -85,8 +79,8 @@ def test_water_that_is_known_within_a_fifth_is_met_in_one_run(chain, water, trut
 def test_a_second_run_that_the_first_one_guides_is_nearer(chain, water):
     known = 1.2 * water
     first, _ = coupled(chain, water, known, first_order=True)
-    second, _ = coupled(chain, water, known, first_order=True, before=first)
-    one, two = (check(chain, STEP, AIR, known, history) for history in (first, second))
+    second, _ = coupled(chain, water, known, first_order=True, before=(first.delta, first.loads))
+    one, two = first.check(), second.check()
     assert two.tip < 0.2 * one.tip
 
 
