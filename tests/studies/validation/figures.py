@@ -127,10 +127,24 @@ def grids(curves: Curves, path: Path) -> None:
     save(figure, path)
 
 
+def cantilever(curves: Curves, path: Path) -> None:
+    """Deflection of the plates' tips over the rest that they swing about."""
+    figure, axes = new_figure(7, 3.0)
+    for (name, curve), (color, style) in zip(
+        curves.items(), ((CFD, "-"), (CFD, "--"), (PIV, "-"), (PIV, "--")), strict=True
+    ):
+        label = name.removeprefix("cantilever_").replace("_", ", ")
+        axes.plot(curve["time"], curve["deflection"], color=color, ls=style, lw=1, label=label)
+    axes.set(xlabel="t (s)", ylabel="deflection / rest")
+    axes.legend(ncols=2)
+    save(figure, path)
+
+
 FIGURES: dict[str, Callable[[Curves, Path], None]] = {
     "oscillating_cylinder": oscillating,
     "impulsive_cylinder": impulsive,
     "accelerating_cylinder": accelerating,
+    "cantilever_plate": cantilever,
     "plate_impulsive": plate,
     "plate_medium_layer": plate,
     "plate_thin_layer": plate,
