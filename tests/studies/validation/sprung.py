@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from fileio.formats.bending_states import States
-from fileio.formats.elastic_motion import read_elastic_motion
+from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.pressure_law import smooth_step
@@ -98,7 +98,7 @@ def solve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     ):
         for stage in (mesh, case, run):
             stage.run(scene, quiet=True)
-    file = read_elastic_motion(scene.out)
+    file = read_elastic_motion(scene.out / FILE)
     turn = chain.bend(file["pressure"].values, file["delta"].values)
     return file["time"].values, 0.5 * LENGTH * turn
 
