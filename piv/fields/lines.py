@@ -43,11 +43,13 @@ def along_line(
     if count < 2:
         raise ValueError(f"a line has at least 2 points, got {count}")
     s = np.linspace(0, length, count)
-    x, y = x0 + s / length * (x1 - x0), y0 + s / length * (y1 - y0)
+    way = {"x": x0 + s / length * (x1 - x0), "y": y0 + s / length * (y1 - y0)}
+    # rounding must not leave the plane
+    x, y = (np.clip(c, *plane[name].values[[0, -1]]) for name, c in way.items())
     names = [n for n in fields_of(plane) if n not in SKIPPED]
     for part in blocks(plane):
         ok = usable(part)
-        samples = {n: _bilinear(part[n].where(ok), x, y) for n in names}
+        samples = {n: bilinear(part[n].where(ok), x, y) for n in names}
         table = {"s": s, "x": x, "y": y} | samples
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
         table["along"], table["across"] = (
@@ -61,9 +63,9 @@ def along_line(
             yield rows
 
 
-def _bilinear(field: xr.DataArray, x: ndarray, y: ndarray) -> ndarray:
-    """A field over (time, y, x) at points, as (time, point)."""
+def bilinear(field: xr.DataArray, x: ndarray, y: ndarray) -> ndarray:
+    """A field over (…, y, x) at points, as (…, point); NaN outside the grid."""
     grid = field["y"].values, field["x"].values
-    sample = RegularGridInterpolator(grid, field.transpose("y", "x", "time").values)
-    at = [np.clip(values, axis[0], axis[-1]) for values, axis in zip((y, x), grid, strict=True)]
-    return sample(np.column_stack(at)).T
+    values = field.transpose("y", "x", ...).values
+    sample = RegularGridInterpolator(grid, values, bounds_error=False, fill_value=np.nan)
+    return sample(np.column_stack([y, x])).T

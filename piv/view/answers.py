@@ -11,13 +11,12 @@ import cv2
 import numpy as np
 import xarray as xr
 from numpy import ndarray
-from scipy.interpolate import RegularGridInterpolator
 
 from fileio.formats.plane_series import fields_of, usable
 from fileio.formats.recording import window_of
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
-from piv.fields.lines import along_line
+from piv.fields.lines import along_line, bilinear
 from piv.fields.summary import summary
 from piv.foreign.write import units_of
 from piv.images.calibration import Calibration, calibrate_plane
@@ -173,9 +172,7 @@ def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
     ok = usable(plane).transpose("y", "x").values
 
     def sample(name: str) -> ndarray:
-        values = np.where(ok, plane[name].transpose("y", "x").values, np.nan)
-        at_points = RegularGridInterpolator((y, x), values, bounds_error=False, fill_value=np.nan)
-        return at_points(at[:, ::-1])
+        return bilinear(plane[name].where(usable(plane)), *at.T)
 
     flow = sample("u") * along[:, 0] + sample("v") * along[:, 1]
     within = inside_polygon(corners, x, y) & ok
