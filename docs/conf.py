@@ -70,6 +70,7 @@ def fill_page(app, page, source):
         return
     if page in TAKEN:
         head, file, pattern = TAKEN[page]
+        app.env.note_dependency(str(ROOT / file))  # else the page stays as it was
         whole = (ROOT / file).read_text(encoding="utf-8")
         taken = re.search(pattern, notebook(whole) if file.endswith(".ipynb") else whole, re.DOTALL)
         if not taken:
