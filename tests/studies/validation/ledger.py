@@ -61,7 +61,8 @@ def _page(results: list[dict[str, Any]], figures: set[str]) -> str:
     text += "\n## Figures\n"
     for result in results:
         if result["name"] in figures:
-            text += f"\n![{result['title']}](verification/{result['name']}.svg)\n"
+            title, name = result["title"], result["name"]
+            text += f"\n**{title}**\n\n![{title}](verification/{name}.svg)\n"
     return text
 
 
