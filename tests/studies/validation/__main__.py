@@ -17,6 +17,7 @@ from tests.studies.validation import (
     exact_fields,
     finger,
     plates,
+    rotating,
     sprung,
 )
 from tests.studies.validation.checks import Result, write_result
@@ -38,6 +39,7 @@ def measure(name: str, again: bool) -> Result | None:
         "exact_fields": exact_fields.measure,
         sprung.NAME: sprung.measure,
         cantilever.NAME: cantilever.measure,
+        "plate_rotating": rotating.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
     }
@@ -51,7 +53,7 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
     for name in names:
         result = measure(name, again)
         if result is None:
-            print(f"{name}: fewer than three grids have been run; make tradeoff runs them")
+            print(f"{name}: fewer than three grids have been run; make validate runs them")
             continue
         write_result(result, DOCS / "verification" / f"{name}.json")
         if not quiet:

@@ -81,7 +81,7 @@ def reference(name: str) -> dict[str, Any]:
 
 def law_and_body(scene: Scene) -> tuple[Any, Any]:
     """Law of motion and body of a scene with a rigid body."""
-    return scene.motion.displacement, scene.body
+    return scene.motion.displacement or scene.motion.rotation, scene.body
 
 
 def forces(scene: Scene) -> Forces:
