@@ -110,9 +110,10 @@ def _check_clearance(
     for body in bodies:
         clear = float(shapely.distance(rings, body.polygon).min())
         if body.name in OBSTACLE_PATCHES and clear < least:
+            number = OBSTACLE_PATCHES.index(body.name)
             raise StageError(
-                f"{where}: {body.name} is {clear * 1e3:.2g} mm from the finger at its nearest, too"
-                f" little to mesh; move it by {(least - clear) * 1e3:.2g} mm"
+                f"{where}: obstacle[{number}] is {clear * 1e3:.2g} mm from the finger at its"
+                f" nearest, too little to mesh; move it by {(least - clear) * 1e3:.2g} mm"
             )
         if body.name == "support" and clear < least:
             raise StageError(

@@ -28,6 +28,19 @@ depth = 0.06
 """
 
 
+@pytest.mark.slow
+def test_a_coupled_finger_pushes_the_cylinder_ahead_of_it(tmp_path):
+    text = BESIDE.rpartition("[[obstacle]]")[0].replace("= 0.01,", "= 0.002,")
+    text = text.replace("end_time = 0.03", 'end_time = 0.024\nsource = "structure"')
+    scene = write_scene(tmp_path / "s", more=text)
+    prepare(scene)
+    run(scene, quiet=True)
+    finger, ahead = (table(scene, f"forces{n}") for n in ("", "_obstacle_1"))
+    first = int(np.abs(finger[:, 1]).argmax())
+    assert np.isfinite(ahead).all()
+    assert 0 < ahead[first, 1] < 0.5 * np.abs(finger[first, 1])
+
+
 @pytest.mark.parametrize("kind", ["2d", "half"])
 def test_an_accelerating_finger_pushes_one_cylinder_and_pulls_the_other(tmp_path, kind):
     """As in water without friction: pressure rises ahead of the finger and falls behind it."""

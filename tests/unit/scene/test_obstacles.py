@@ -104,5 +104,5 @@ def test_an_obstacle_that_leaves_no_room_to_mesh_is_refused(tmp_path):
     """0.3 mm from the finger's dorsal side, which bends away from it."""
     dorsal = kinematics_values(write_scene(tmp_path / "a"))["shape_outline"][..., 0].min()
     near = f'[[obstacle]]\nshape = "box"\ncentre = [{dorsal - 0.0103}, 0.2]\nsize = [0.02, 0.01]\n'
-    with pytest.raises(StageError, match=r"obstacle_1 is 0\.3 mm from the finger .* move it by"):
+    with pytest.raises(StageError, match=r"obstacle\[0\] is 0\.3 mm from the finger .* move it by"):
         prepare(write_scene(tmp_path / "b", more=near))
