@@ -290,7 +290,10 @@ def compare(
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
     run_ = _open(scene, level)
-    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    try:  # a laboratory's files are read by PIV, too, which knows no StageError
+        page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    except ValueError as error:
+        raise StageError(str(error)) from error
     if page is not None:
         print(f"report: {page.resolve()}")
 

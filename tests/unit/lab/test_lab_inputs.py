@@ -139,3 +139,6 @@ def test_view_of_a_laboratory_camera_stays_in_the_water():
 def test_command_asks_for_dpiv_toml(tmp_path, capsys):
     assert main(["compare", str(CASE), str(tmp_path), "--level", "smoke"]) == 2
     assert "holds no dpiv.toml" in capsys.readouterr().err
+    (tmp_path / "dpiv.toml").write_text('format = "dpiv"\nformat_version = 3\n')
+    assert main(["compare", str(CASE), str(tmp_path), "--level", "smoke"]) == 2
+    assert "dpiv.toml: sheet_thickness_mm is missing" in capsys.readouterr().err
