@@ -46,7 +46,7 @@ def check_clock(case: Case) -> None:
     ratio = clock_ratio(case)
     if not 1 / CLEARLY < ratio < CLEARLY:
         raise ValueError(
-            f"dpiv.toml: beside the finger the water moves about {ratio:.2g} times as fast as the finger"
-            " in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the pairs per"
-            " second) or piv.interval_s is wrong by that; correct it"
+            f"dpiv.toml: the water beside the finger moves about {ratio:.2g} times as fast as the"
+            " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
+            " pairs per second) or piv.interval_s is wrong by that; correct it"
         )
