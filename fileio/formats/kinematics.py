@@ -38,7 +38,7 @@ shape_gap?  shape_parameter  m  pinch: `gap` of each shape
 shape_edges?  shape_parameter, edge, axis  m  rigid body: where the mesh is fine
 state_pressure?  state  Pa  finger: pressure of each bending state
 state_bend?  state  rad  finger: bend angle of each state
-paper_bend?  state  rad  finger: bend angle by the paper's equations (1)–(6)
+paper_bend?  state  rad  the paper's finger: bend angle by its equations (1)–(6)
 state_bend_std?  state  rad  standard uncertainty of `state_bend`, where known
 source  -  -  `motion.source` of the scene
 root  -  m  middle of the root, x and y; of a rigid body its centre

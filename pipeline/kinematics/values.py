@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import States
 from fileio.formats.kinematics import SHAPE, SHAPE_OF_TIME
-from pipeline.fea import paper_equations as paper_model
+from pipeline.fea import paper_equations
 from pipeline.kinematics.contact import closing_summary, gap
 from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
 from pipeline.kinematics.rigid_body import rigid_values
@@ -72,12 +72,10 @@ def _finger_values(
     if motion.over_time:
         values |= {"pressure": motion.free_law(time), SHAPE_OF_TIME: parameter}
     else:
-        length = motion.finger.length
         values["state_pressure"] = states
         values["state_bend"] = np.array([motion.shapes.bend(p) for p in states])
-        values["paper_bend"], _ = paper_model.bend(states, length=length)
         if motion.states.curvature_std is not None:
-            values["state_bend_std"] = length * motion.states.curvature_std
+            values["state_bend_std"] = motion.finger.length * motion.states.curvature_std
     if pinch is not None:
         # the gap over time is that of the spline through the shapes, which the mesh follows
         spline = CubicSpline(knots, outlines)
@@ -107,6 +105,10 @@ def kinematics_values(
         finger = finger_motion(motion, scene.finger, pinch, scene.folder, over_time)
         bend_step = None if exact else np.radians(motion.max_bend_step_deg) / 2
         values = _finger_values(finger, motion.end_time, bend_step, scene.pinch)
+        if "state_pressure" in values and paper_equations.describes(scene.actuator):
+            values["paper_bend"], _ = paper_equations.bend(
+                values["state_pressure"], length=scene.finger.length
+            )
         outlines, bends = values["shape_outline"], values["shape_bend"]
         if not exact:
             moved = float(np.ptp(values["shape_tip"], axis=0).max())

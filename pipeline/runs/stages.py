@@ -101,17 +101,17 @@ STAGES = (
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-        version=2, group="vortices", piv=True, cost=(16, 500), threads=True,
+        version=3, group="vortices", piv=True, cost=(16, 500), threads=True,
     ),
     Stage(
         "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
         ("piv",), ("vortices_piv.csv",), {"vortices": True},
-        version=2, group="vortices", piv=True, cost=(5, 500), threads=True,
+        version=3, group="vortices", piv=True, cost=(5, 500), threads=True,
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
         ("vortices_cfd", "vortices_piv", "kinematics", "run", "sheet", "piv"),
-        ("comparison.json", "co*.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
+        ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
          "halves_*.csv"),
         {"name": True, "level": True}, version=2, cost=(3, 600),
     ),

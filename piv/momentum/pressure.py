@@ -169,7 +169,7 @@ class Balance:
         )
         known = [np.sqrt(s / SAMPLES) * e for s, e in zip(shares, errors, strict=True)]
         scaled = np.concatenate([*known, fit(reach * net.middle(*lack))[0][None]])
-        border = _border(net.points)[net.points]
+        border = border_of(net.points)[net.points]
         p, scaled = (q - q[..., border].mean(axis=-1, keepdims=True) for q in (p, scaled))
         found = {"p": net.grid(p), "p_std": net.grid(_std(scaled, p))}
         return found | self._loads(k, net.points, found["p"], net.grid(scaled))
@@ -260,7 +260,7 @@ def _weighted(net: Links, difference: ndarray, parts: list[ndarray]) -> Integral
     return Integral(net, shares[0] * parts[0] + shares[1] * parts[1])
 
 
-def _border(points: ndarray) -> ndarray:
+def border_of(points: ndarray) -> ndarray:
     """The outermost rows and columns (y, x) that hold any of `points`."""
     rows, columns = (np.flatnonzero(points.any(axis=axis)) for axis in (1, 0))
     border = np.zeros(points.shape, bool)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from scipy.spatial import cKDTree
 
 from fileio.formats.plane_series import MASKED, VALID, usable
 from fileio.formats.recording import window_of
@@ -16,6 +17,9 @@ from piv.vortices.vortex import Vortex
 
 ALIKE = 1.5  # windows over which errors of PIV are alike: it smooths its vectors
 TIP_PART = 1 / 6  # of the tip's width: the scale at which its vortices are found
+# smoothing lengths from a body's outline: nearer vectors, of its wall layer, are left out, since
+# PIV sees them in part, and the layer's opposite vorticity would be smoothed into the vortex
+WALL = 0.3
 
 
 def find_vortices(
@@ -74,11 +78,24 @@ def _settings(settings: VortexSettings | None, options: dict[str, float | str]) 
     return VortexSettings(**(vars(base) | options))
 
 
-def _in_body(plane: xr.Dataset) -> np.ndarray:
-    """Which grid points (y, x) lie within an outline of the plane."""
-    outlines = plane["outline"].values.reshape(-1, *plane["outline"].shape[-2:])
-    inside = [inside_polygon(o, plane["x"].values, plane["y"].values) for o in outlines]
-    return np.asarray(np.logical_or.reduce(inside))
+def _at_walls(plane: xr.Dataset, near: float) -> np.ndarray:
+    """Which grid points (y, x) lie within an outline of the plane, or nearer to it than `near`."""
+    axes = plane["x"].values, plane["y"].values
+    mask = np.zeros([a.size for a in axes[::-1]], bool)
+    for outline in plane["outline"].values.reshape(-1, *plane["outline"].shape[-2:]):
+        if not np.isfinite(outline).all():
+            continue  # no such finger at this instant
+        low, high = outline.min(axis=0) - near, outline.max(axis=0) + near
+        columns, rows = (slice(*np.searchsorted(axes[k], (low[k], high[k]))) for k in (0, 1))
+        x, y = axes[0][columns], axes[1][rows]
+        points = np.column_stack([g.ravel() for g in np.meshgrid(x, y)])
+        along = np.roll(outline, -1, axis=0) - outline
+        parts = int(np.ceil(4 * np.hypot(*along.T).max() / max(near, _step(plane))))
+        dense = outline + along * np.arange(parts)[:, None, None] / parts
+        away, _ = cKDTree(dense.reshape(-1, 2)).query(points, distance_upper_bound=near)
+        beside = np.isfinite(away).reshape(y.size, x.size)
+        mask[rows, columns] |= beside | inside_polygon(outline, x, y)
+    return mask
 
 
 def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
@@ -95,13 +112,15 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
 
     u, v = values("u"), values("v")
     valid = np.isfinite(u) & np.isfinite(v)
-    lost = np.zeros(valid.shape, bool)
+    lost, wall = np.zeros((2, *valid.shape), bool)
     if "valid" in plane:
         valid &= usable(plane).transpose("y", "x").values
     if "flag" in plane:
         lost = ~valid & ~np.isin(values("flag"), (VALID, MASKED))
     if "outline" in plane:
-        lost |= ~valid & ~_in_body(plane)
+        wall = _at_walls(plane, WALL * scale_of(plane, s))
+        valid &= ~wall
+        lost = ~valid & ~wall
     weights, noise = [], []
     for name in ("u_std", "v_std"):
         if name not in plane:
@@ -118,4 +137,4 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
     correlated = s.correlation_length or ALIKE * window_of(plane) or _step(plane)
     errors = (noise[0], noise[1]) if len(noise) == 2 else None
     axes = plane["x"].values.astype(float), plane["y"].values.astype(float)
-    return Plane(*axes, u, v, valid, lost, errors, correlated, weights[0], weights[1])
+    return Plane(*axes, u, v, valid, lost, wall, errors, correlated, *weights)

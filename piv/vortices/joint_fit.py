@@ -19,8 +19,7 @@ class Fitted(NamedTuple):
     """Fit of a vortex, how well it fits, and its region: x, y, circulation, core radius.
 
     `misfit`: mean square of the residuals over the vectors' variance; `seen`: share of the disc
-    that holds vectors; `apart`: fitted without the opposite one that it overlaps (see
-    `_cancelling`).
+    that holds vectors.
     """
 
     fit: Fit
@@ -28,7 +27,6 @@ class Fitted(NamedTuple):
     misfit: float
     seen: float
     region: ndarray
-    apart: bool
 
 
 WIDER = (1.5, 2.0)  # times fit_radius
@@ -51,7 +49,7 @@ def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[tuple[flo
     Of each x, y, circulation, core radius, their standard errors, and the explained part. A bad one
     is left out and the others are fitted anew.
     """
-    start = np.hstack([regions, regions, np.zeros((len(regions), 1))])
+    start = np.hstack([regions, regions])
     fits = _significant(_fit_all(p, start, s, SWEEPS), s)
     at_once = len(fits) == len(start)
     while len(fits) < len(start):
@@ -69,8 +67,8 @@ def _numbers(fit: Fit) -> tuple[float, ...]:
 
 
 def _parameters(fits: list[Fitted]) -> ndarray:
-    """Of the fits, of their regions, and whether fitted apart: (n, 9)."""
-    return np.array([[*f.fit.vortices[0], *f.region, f.apart] for f in fits]).reshape(-1, 9)
+    """Of the fits and of their regions: (n, 8)."""
+    return np.array([[*f.fit.vortices[0], *f.region] for f in fits]).reshape(-1, 8)
 
 
 def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
@@ -84,7 +82,7 @@ def _significant(fits: list[Fitted], s: VortexSettings) -> list[Fitted]:
 
 
 def _fit_all(p: Plane, start: ndarray, s: VortexSettings, sweeps: int) -> list[Fitted]:
-    """Fit every candidate (n, 9, see `_parameters`) with its neighbours, in several sweeps."""
+    """Fit every candidate (n, 8, see `_parameters`) with its neighbours, in several sweeps."""
     now = start[:, :4].copy()
     area = np.full(len(now), 10.0 * (p.x[1] - p.x[0]) * (p.y[1] - p.y[0]))  # per independent vector
     fits: list[Fitted] = []
@@ -92,14 +90,8 @@ def _fit_all(p: Plane, start: ndarray, s: VortexSettings, sweeps: int) -> list[F
         # in the last sweep neighbours are as good as they get
         wider = WIDER if s.weights == "uncertainty" and sweep == sweeps - 1 else ()
         fit_one = partial(_fit_one, p, now, start, area, s, wider)
-        attempts = [fit_one(k) for k in range(len(now))]
-        overlapping = np.flatnonzero(_cancelling(attempts) & (start[:, 8] == 0))
-        start[overlapping, 8], now[overlapping] = 1, start[overlapping, 4:8]
-        for k in map(int, overlapping):
-            attempts[k] = fit_one(k)
-        kept = [
-            (f, a) for f, a in zip(attempts, start, strict=True) if f and _plausible(p, f.fit, a)
-        ]
+        attempts = zip(map(fit_one, range(len(now))), start, strict=True)
+        kept = [(f, a) for f, a in attempts if f and _plausible(p, f.fit, a)]
         kept = [kept[k] for k in _distinct([f.fit for f, _ in kept])]
         fits = [f for f, _ in kept]
         if not fits:
@@ -157,8 +149,6 @@ def _fit_disc(
     taper = np.clip(2 * (1 - distance[use] / reach), 0, 1)
     near = np.hypot(now[:, 0] - x0, now[:, 1] - y0)
     strong = np.abs(now[:, 2]) >= s.neighbour_part * abs(now[k, 2])
-    apart = start[:, 8] * start[k, 8] > 0
-    strong &= ~(apart & (now[:, 2] * now[k, 2] < 0) & (near < reach))
     strong[k] = False
     along = [m for m in np.argsort(near) if strong[m] and near[m] < reach][:4]
     x, y, u, v = (q[use] for q in (xx, yy, p.u[box], p.v[box]))
@@ -184,7 +174,6 @@ def _fit_disc(
         float(square.mean()) / 2,
         seen,
         start[k, 4:8],
-        bool(start[k, 8]),
     )
 
 
@@ -234,19 +223,6 @@ def _plausible(p: Plane, fit: Fit, start: ndarray) -> bool:
         and moved <= 2 * max(start[3], step)
         and np.all(np.isfinite(fit.covariance))
     )
-
-
-def _cancelling(fits: list[Fitted | None]) -> ndarray:
-    """Which of the fits are less than a core radius from one of opposite sense.
-
-    Fitted jointly so near they may grow without bound as long as they cancel: the flow tells their
-    dipole, not the circulation of either. Each is then fitted apart, to its own side of the dipole.
-    """
-    x, y, circulation, a = (
-        np.array([f.fit.vortices[0] if f else [np.nan] * 4 for f in fits]).reshape(-1, 4).T
-    )
-    away = np.hypot(x[:, None] - x, y[:, None] - y) / np.maximum(a[:, None], a)
-    return ((away < 1.0) & (circulation[:, None] * circulation < 0)).any(axis=1)
 
 
 def _distinct(fits: list[Fit]) -> list[int]:

@@ -25,6 +25,12 @@ def _paired_tips(part: Part) -> pd.DataFrame:
     return tracks.within(_of_pair(part, part.evidence.pairs), part.window, absent)
 
 
+def _known_pairs(part: Part) -> pd.DataFrame:
+    """Those of which both circulations are known."""
+    rows = _paired_tips(part)
+    return rows[tracks.known(rows, "_0") & tracks.known(rows, "_1")]
+
+
 def _lines(part: Part) -> pd.DataFrame:
     rows = part.inside(_of_pair(part, part.evidence.lines))
     if rows.empty:
@@ -135,7 +141,7 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
     "pair_side": Quantity(
         _side,
         "",
-        "side of the tip on which the strongest vortex of either finger lies; by integrals",
+        "side of the tip on which the strongest vortex of either finger lies",
     ),
     "pair_senses": Quantity(
         lambda p: pairs.senses(_paired_tips(p)),
@@ -143,12 +149,14 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         "senses of rotation of the two tip vortices",
     ),
     "pair_imbalance": Quantity(
-        lambda p: pairs.rms(_paired_tips(p)["imbalance"]),
+        lambda p: tracks.rms(_known_pairs(p)["imbalance"]),
         "fraction",
-        "RMS over the instants of |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|",
+        "RMS of |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|, where both are known to"
+        f" {tracks.KNOWN:.0%}",
+        lambda p: (len(_known_pairs(p)), len(_paired_tips(p))),
     ),
     "pair_mirror_distance": Quantity(
-        lambda p: pairs.rms(_paired_tips(p)["mirror_distance"]),
+        lambda p: tracks.rms(_paired_tips(p)["mirror_distance"]),
         "m",
         "RMS distance of one vortex centre from the mirror image of the other",
     ),
@@ -189,12 +197,12 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         lambda p: -_travelled(p, "y"),
         "m",
         "how far the finger's vortex of the dorsal pair sinks from the window's first to its last"
-        " instant; by integrals",
+        " instant",
     ),
     "dorsal_drift": Quantity(
         lambda p: _travelled(p, "across_tip"),
         "m",
-        "how far that vortex moves towards the dorsal side, as seen from the tip; by integrals",
+        "how far that vortex moves towards the dorsal side, as seen from the tip",
     ),
     "parting_share": Quantity(
         lambda p: float(_lines(p)["stagnation_y"].notna().mean()),

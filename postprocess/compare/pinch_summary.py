@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from postprocess.evidence.evidence import Evidence
-from postprocess.evidence.half_planes import BELOW, names_at
 from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, formed, pair_of
 from postprocess.evidence.time_windows import Clock
-from postprocess.evidence.vortex_pairs import rms
+from postprocess.evidence.tip_vortex import rms
 
-# m of gap between tip and plane, as of the findings; nearer the fitted cores overlap
+# m of gap between tip and plane, as of the findings; nearer the two regions meet
 APPROACH = (0.020, 0.005)
 AFTER = 0.15  # s after contact
 _BEFORE = 0.25  # s before it: a vortex of an opening stroke is older
@@ -61,8 +60,6 @@ def _source_numbers(
     out["circulation_peak"] = _number(size[rows.index].max())
     for name in ("imbalance", "mirror_distance"):
         out[f"{name}_rms"] = rms(rows[name]) if len(rows) else None
-    clear = [rows[f"x_{finger}"].abs() / rows[f"radius_{finger}"] for finger in (0, 1)]
-    out["core_radii_from_plane_approach"] = _number(pd.concat(clear).min())
     for name in ("along_tip", "across_tip"):
         both = 0.5 * (pairs[f"{name}_0"] + pairs[f"{name}_1"])
         out[f"{name}_approach"] = _number(both[rows.index].mean())
@@ -73,7 +70,7 @@ def _source_numbers(
 def integral_numbers(
     integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None, width: float
 ) -> _Numbers:
-    """Both pairs, each half of the plane and the jet, by integrals; `width` of a tip (m).
+    """Both pairs, each half of the plane and the jet; `width` of a tip (m).
 
     From 0.25 s before contact until 0.3 s after it.
     """
@@ -83,7 +80,6 @@ def integral_numbers(
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
     at = formed(halves["time"].to_numpy(), ventral, width)
     out: _Numbers = {"ventral_forms_time": at, "ventral_forms_gap": None}
-    out["ventral_forms_before_contact"] = None if at is None or met is None else met - at
     out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None
     if at is not None:
         out["ventral_forms_gap"] = float(clock.gap_at(np.array([at]))[0])
@@ -96,18 +92,16 @@ def integral_numbers(
             then = _at(dorsal, "circulation", time)
             out["ventral_part"] = None if then is None else peak / then
         out["ventral_rise_peak"] = _number(since["between"].max())
-    contact, after = (None, None) if met is None else (met, met + AFTER)
-    for name, when in (("at_contact", contact), ("after", after)):
-        out[f"dorsal_circulation_{name}"] = _at(dorsal, "circulation", when)
-        out[f"ventral_circulation_{name}"] = _at(ventral, "circulation", when)
+    after = None if met is None else met + AFTER
+    out["dorsal_circulation_at_contact"] = _at(dorsal, "circulation", met)
+    out["dorsal_circulation_after"] = _at(dorsal, "circulation", after)
+    out["ventral_circulation_after"] = _at(ventral, "circulation", after)
     out["dorsal_from_plane_after"] = _at(dorsal.assign(x=-dorsal["x"]), "x", after)
     out["dorsal_y_after"] = _at(dorsal, "y", after)
     mean = halves.assign(circulation=0.5 * (halves["circulation_1"] - halves["circulation_0"]))
     mean["impulse"] = 0.5 * (halves["impulse_0"] + halves["impulse_1"])
     for name in ("circulation", "impulse"):
         out[f"half_{name}_after"] = _at(mean, name, after)
-    for name in (name for depth in BELOW for name in names_at(depth)):
-        out[f"{name}_peak"] = _number(halves[name].max())
     return out
 
 

@@ -54,12 +54,12 @@ def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence,
 
 
 def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
-    """A sentence with its `verdict`: met, not met, not judged or not testable."""
+    """A sentence with its `verdict`: met, not met, undecided or not testable."""
     met = [check["met"] for check in checks if check["id"] in sentence.findings]
     verdict = (
         "not met"
         if False in met
-        else "not judged"
+        else "undecided"
         if None in met
         else "met"
         if met

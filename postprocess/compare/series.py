@@ -50,8 +50,6 @@ def _vortex_numbers(track: pd.DataFrame, window: _Window) -> dict[str, Any]:
     rows = track[track["time"].between(*window)]
     return {
         "circulation_mean": float(rows["circulation"].mean()),
-        "circulation_peak": float(track.loc[track["circulation"].abs().idxmax(), "circulation"]),
-        "radius_mean": float(rows["radius"].mean()),
         "side": str(rows["side"].mode().iloc[0]),
         "instants": len(rows),
     }
@@ -61,18 +59,12 @@ def _velocity_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     sums = evidence.sums["piv-cfd"]
     sums = sums[sums["time"].between(*window)]
     rms = _or_none(fields.rms_difference, sums)
-    return {
-        "velocity_rms_difference": rms,
-        "velocity_rms_difference_relative": None if rms is None else rms / evidence.scale,
-        "velocity_correlation": _or_none(fields.correlation, sums),
-        "common_share_mean": float(sums["share"].mean()) if len(sums) else None,
-    }
+    return {"velocity_rms_difference_relative": None if rms is None else rms / evidence.scale}
 
 
 def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     names = (
         "circulation_rms_difference",
-        "circulation_mean_difference",
         "circulation_max_difference",
         "centre_rms_distance",
         "centre_max_distance",
@@ -89,11 +81,9 @@ def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     out["centre_max_distance"] = float(pair["centre_distance"].max())
     if len(known) >= tracks.ENOUGH * len(pair):
         reference = known["circulation_reference"]
-        signed = (known["circulation_other"] - reference) * np.sign(reference)
-        signed /= reference.abs().mean()
+        off = (known["circulation_other"] - reference).abs() / reference.abs().mean()
         out["circulation_rms_difference"] = tracks.relative_difference(known, "circulation")
-        out["circulation_mean_difference"] = float(signed.mean())
-        out["circulation_max_difference"] = float(signed.abs().max())
+        out["circulation_max_difference"] = float(off.max())
     return out
 
 

@@ -12,11 +12,10 @@ from typing import Any
 import xarray as xr
 
 from fileio.atomic import sha256
-from fileio.formats.records import COMPARISON, FORCES, RUN
+from fileio.formats.records import COMPARISON, RUN
 from fileio.provenance import versions
 from fileio.record import read_record
 from pipeline.scene.scene import Scene
-from postprocess.compare.conservation import NEEDED, conservation, conservation_numbers
 from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
@@ -26,7 +25,7 @@ from postprocess.compare.series import series_table, summary
 from postprocess.evidence.check_finite import first_not_finite
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import ENOUGH, KNOWN, dominant_tracks, strengths
@@ -108,17 +107,10 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
     }
 
 
-def _verdict(checks: list[dict[str, Any]]) -> dict[str, Any]:
-    """Whether PIV agrees with the CFD (None: not judged), and how many checks of a kind are met."""
-    met = {kind: [c["met"] for c in checks if c["kind"] == kind] for kind in ("agreement", "paper")}
-    words = {"met": True, "not_met": False, "not_judged": None}
-    counts = {
-        kind: {name: values.count(value) for name, value in words.items()}
-        for kind, values in met.items()
-    }
-    agreement = met["agreement"]
-    agrees = False if False in agreement else None if None in agreement or not agreement else True
-    return {"agrees": agrees, "counts": counts}
+def _agrees(checks: list[dict[str, Any]]) -> bool | None:
+    """Whether PIV agrees with the CFD; None: undecided."""
+    met = [check["met"] for check in checks if check["kind"] == "agreement"]
+    return False if False in met else None if None in met or not met else True
 
 
 def _provenance(
@@ -141,7 +133,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
     findings = read_findings(own or _AGREEMENT, frozenset(QUANTITIES))
     sentences = read_sentences(own or _AGREEMENT, findings)
     evidence = load_evidence(files)
-    cfd, out = evidence.planes["cfd"], files.out
+    out = files.out
     run = RUN.read(files.required("run/run.json", "run"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
     if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
@@ -154,19 +146,13 @@ def compare(files: StageFiles) -> dict[str, Any]:
         seen = resolution(files.numbers, tip[tip["time"].between(*middle)], evidence.scale)
     checks = [judge(finding, evidence, seen) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
-    if pinch and set(cfd) >= NEEDED:
-        forces = FORCES.read(files.required("run/forces.csv", "run"))
-        balance = conservation(cfd, scene_numbers(files), forces)
-        write_table(out / "conservation.csv", balance)
-        met, flat = evidence.clock.met(), run["model"] == "2d"
-        pinch["pinch"]["cfd"] |= conservation_numbers(balance, met, flat)
     result = {
         "scene": files.scene,
         "level": files.level,
         "sources": list(evidence.planes),
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
-        "verdict": _verdict(checks),
+        "verdict": {"agrees": _agrees(checks)},
         "checks": checks,
         "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
         "summary": summary(evidence, middle) | pinch,

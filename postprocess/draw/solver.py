@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.integrate import cumulative_trapezoid
 
 from postprocess.draw.style import FIRST, GREY, HEIGHT, INK, SECOND, WIDTH, new_figure
 
@@ -16,22 +17,17 @@ _TAKERS = {
 }
 
 
-def _summed(time: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Integral over time from its start, by trapezoids."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
-
-
 def energy(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
     """The finger's work over time, and what has become of it, stacked."""
     figure, ax = new_figure(WIDTH, HEIGHT)
     time = terms["time"].to_numpy()
     kinetic = power["kinetic_energy"] - power["kinetic_energy"].iloc[0]
     parts = {"kinetic_energy": np.interp(time, power["time"], kinetic)}
-    parts |= {n: _summed(time, terms[n].to_numpy()) for n in _TAKERS if n in terms}
+    parts |= {n: cumulative_trapezoid(terms[n], time, initial=0) for n in _TAKERS if n in terms}
     names, colours = zip(*(_TAKERS[name] for name in parts), strict=True)
     stacked = np.stack([parts[name] for name in parts]) * 1e3
     ax.stackplot(time, stacked, labels=names, colors=colours, linewidth=0)
-    work = _summed(power["time"].to_numpy(), power["finger_power"].to_numpy())
+    work = cumulative_trapezoid(power["finger_power"], power["time"], initial=0)
     ax.plot(power["time"], work * 1e3, color=INK, label="work of the finger")
     ax.set(xlabel="time, s", ylabel="energy, mJ", title="Where the finger's work goes")
     ax.margins(x=0)

@@ -17,7 +17,6 @@ CFD, PIV, LAB = "#0072b2", "#d55e00", "#009e73"
 FIRST, SECOND, THIRD, GREY = "#1c2733", "#a4509a", "#8a7a1f", "#737b86"  # whatever is none of those
 INK, BODY = "#1c2733", "#49515b"  # text and arrows; the finger, on which marks can be seen
 SHADED = "#f3ecd9"  # a span of time
-COLOUR_MAP = "PuOr_r"  # vorticity, clockwise purple
 COLOURS = {"cfd": CFD, "piv": PIV}
 NAMES = {"cfd": "CFD", "piv": "PIV", "difference": "PIV less CFD"}
 WIDTH, HEIGHT = 5.9, 4.2  # inches of every figure that fills half of the page's width

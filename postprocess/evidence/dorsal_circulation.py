@@ -18,26 +18,19 @@ REACH = 2.0  # tip widths from the tip; with 1.5 and 2.5 the circulation differs
 _POINTS = 1000  # of the arc and of the chord of a region: three to a grid step of 0.5 mm
 
 
-def instants(plane: xr.Dataset, window: tuple[float, float]) -> np.ndarray:
-    """Indices of the plane's times in a window (s, both ends in)."""
-    times = plane["time"].values
-    return np.flatnonzero((times >= window[0] - 1e-9) & (times <= window[1] + 1e-9))
-
-
-def dorsal_circulation(
-    plane: xr.Dataset, window: tuple[float, float], reach: float = REACH
-) -> pd.DataFrame:
-    """All vorticity on the dorsal side of the first tip within `reach` tip widths, wall included.
+def dorsal_circulation(plane: xr.Dataset, window: tuple[float, float]) -> pd.DataFrame:
+    """All vorticity on the dorsal side of the first tip within REACH, wall included.
 
     A row per instant of `plane` in the window (s): time, circulation (m²/s), of_water (m²/s, its
-    part along the region's edge in the water, which is not prescribed), x, y (m, centroid).
+    part along the region's edge in the water, which is not prescribed).
     """
-    x, y, radius = plane["x"].values, plane["y"].values, reach * float(plane.attrs["tip_width"])
+    x, y, radius = plane["x"].values, plane["y"].values, REACH * float(plane.attrs["tip_width"])
     step = float(x[1] - x[0])
     middles = (np.arange(_POINTS) + 0.5) / _POINTS
     angle, along = middles * np.pi, middles * 2 - 1
     rows = []
-    for index in instants(plane, window):
+    times = plane["time"].values
+    for index in np.flatnonzero((times >= window[0] - 1e-9) & (times <= window[1] + 1e-9)):
         velocity, valid = frame(plane, int(index))
         nearest = distance_transform_edt(~valid, return_distances=False, return_indices=True)
         velocity = velocity[:, *nearest]
@@ -61,14 +54,7 @@ def dorsal_circulation(
         area = 0.5 * np.sum(nodes[:, 0] * ahead[:, 1] - ahead[:, 0] * nodes[:, 1])
         wall = -np.sign(area) * (ahead - nodes)[on_wall]  # the water is on the left
         of_wall = 0.5 * (moving + np.roll(moving, -1, axis=0))[on_wall]
-        of_water = (flow * length).sum(axis=1)[wet]
-        parts = np.concatenate([of_water, (of_wall * wall).sum(axis=1)])
-        total = parts.sum()
-        # ∫xω = ∮x u·dl − ∫v and ∫yω = ∮y u·dl + ∫u over the region
-        off_x, off_y = x - tip[0], (y - tip[1])[:, None]
-        to_edge = radius - np.hypot(off_x, off_y), off_x * dorsal[0] + off_y * dorsal[1]
-        share = np.prod([np.clip(0.5 + distance / step, 0.0, 1.0) for distance in to_edge], axis=0)
-        u, v = (velocity * share * valid).sum(axis=(1, 2)) * step**2
-        moment = parts @ np.vstack([place[wet] - tip, middle[on_wall]]) + np.array([-v, u])
-        rows.append([plane["time"].values[index], total, of_water.sum(), *(tip + moment / total)])
-    return pd.DataFrame(rows, columns=["time", "circulation", "of_water", "x", "y"])
+        of_water = (flow * length)[wet].sum()
+        total = of_water + (of_wall * wall).sum()
+        rows.append([times[index], total, of_water])
+    return pd.DataFrame(rows, columns=["time", "circulation", "of_water"])

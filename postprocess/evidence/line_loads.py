@@ -44,15 +44,3 @@ def load_table(measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0) -> 
         table[f"{name}_piv_std"] = found[f"{variable}_std"].isel(part).values
         table[f"{name}_cfd"] = np.interp(times, clock, simulated[variable].isel(part).values)
     return table
-
-
-def relative_difference(table: pd.DataFrame, name: str = "moment") -> float:
-    """RMS difference of a load between the sources, over the RMS of the simulation's.
-
-    NaN where both are known at no instant.
-    """
-    other, own = table[f"{name}_piv"], table[f"{name}_cfd"]
-    both = other.notna() & own.notna()
-    if not both.any():
-        return float("nan")
-    return float(np.sqrt(np.mean((other - own)[both] ** 2) / np.mean(own[both] ** 2)))

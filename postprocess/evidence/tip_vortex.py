@@ -99,16 +99,19 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     for name in reference.columns.intersection(other.columns).intersection(COMPARED):
         pair[f"{name}_reference"] = np.interp(at["time"], reference["time"], reference[name])
         pair[f"{name}_other"] = at[name]
-    pair["known"] = _known(other)[inside].to_numpy()
-    pair["known"] &= np.interp(at["time"], reference["time"], _known(reference)) == 1.0
+    pair["known"] = known(other)[inside].to_numpy()
+    pair["known"] &= np.interp(at["time"], reference["time"], known(reference)) == 1.0
     dx, dy = pair["x_other"] - pair["x_reference"], pair["y_other"] - pair["y_reference"]
     return pair.assign(centre_distance=np.hypot(dx, dy))
 
 
-def _known(track: pd.DataFrame) -> pd.Series:
-    """Whether the circulation is known to KNOWN; a table without uncertainties says so of all."""
-    std = track.get("circulation_std", pd.Series(0.0, track.index))
-    return std.astype(float) <= KNOWN * track["circulation"].abs()
+def known(rows: pd.DataFrame, of: str = "") -> pd.Series:
+    """Whether the circulation is known to KNOWN; a table without uncertainties says so of all.
+
+    `of`: end of the columns' names, as "_0" of a pair's left vortex.
+    """
+    std = rows.get(f"circulation_std{of}", pd.Series(0.0, rows.index))
+    return std.astype(float) <= KNOWN * rows[f"circulation{of}"].abs()
 
 
 def within(
@@ -125,10 +128,15 @@ def within(
 
 def relative_difference(pair: pd.DataFrame, name: str) -> float:
     """RMS of the difference of a column of COMPARED over the RMS of the reference's."""
-    difference = pair[f"{name}_other"] - pair[f"{name}_reference"]
-    return float(np.sqrt((difference**2).mean() / (pair[f"{name}_reference"] ** 2).mean()))
+    reference = pair[f"{name}_reference"]
+    return rms(pair[f"{name}_other"] - reference) / rms(reference)
 
 
 def centre_distance(pair: pd.DataFrame) -> float:
     """RMS distance of the two centres, m."""
-    return float(np.sqrt((pair["centre_distance"] ** 2).mean()))
+    return rms(pair["centre_distance"])
+
+
+def rms(values: pd.Series) -> float:
+    """Root of the mean square of what is known; NaN of nothing."""
+    return float(np.sqrt((values.astype(float) ** 2).mean()))

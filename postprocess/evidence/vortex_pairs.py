@@ -17,8 +17,8 @@ def pair_vortices(table: pd.DataFrame) -> pd.DataFrame:
     """One row per instant at which both tips have a vortex, left finger _0 and right _1.
 
     The strongest vortex near either tip, and of the other finger's the one nearest to its mirror
-    image in x = 0. Where the two centres are closer than a core radius the flow does not tell the
-    circulation of either, so that instant is left out. `imbalance` = |Γ0 + Γ1| over the mean of
+    image in x = 0. Where the two centres are closer than their mean radius the flow does not tell
+    the circulation of either, so that instant is left out. `imbalance` = |Γ0 + Γ1| over the mean of
     |Γ0| and |Γ1|; `mirror_distance` (m): of one centre from the mirror image of the other.
     """
     kept = [*_KEPT, *(name for name in _ERRORS if name in table)]
@@ -63,11 +63,6 @@ def senses(rows: pd.DataFrame) -> str:
     """ "opposite" where the fingers' mean circulations differ in sign, else "equal"."""
     product = rows["circulation_0"].mean() * rows["circulation_1"].mean()
     return "opposite" if product < 0 else "equal"
-
-
-def rms(values: pd.Series) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt((values.astype(float) ** 2).mean()))
 
 
 def shift_at_equal_bend(

@@ -16,7 +16,6 @@ from fileio.formats.finger_loads import motion_sentence, read_loads
 from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
-from pipeline.fea.paper_equations import describes
 from pipeline.scene.scene import Scene
 from postprocess.evidence.load import read_clock, read_sources, single_finger
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
@@ -128,8 +127,7 @@ def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, A
         single, absent = single_finger(files.numbers)
         pinch_figures(album, out, flow, comparison["summary"]["pinch"], single, absent)
     if scene.get("body") is None:
-        equations = describes(scene["actuator"])
-        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"], equations)
+        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
         if plane.sizes["finger"] == 1 and (measured := files.optional("pressure.h5")):

@@ -34,16 +34,13 @@ def water_figure(album: Album, path: Path) -> None:
     album.add(figure, "water.svg", "water", alt, caption)
 
 
-def bending_figure(album: Album, path: Path, length: float, equations: bool) -> None:
-    """Bending radius over pressure of the states; `length` in m.
-
-    `equations`: whether the paper's describe this actuator, and are drawn.
-    """
+def bending_figure(album: Album, path: Path, length: float) -> None:
+    """Bending radius over pressure of the states, and of the paper's equations; `length` in m."""
     kinematics = read_kinematics(path)
     if kinematics.values("state_pressure") is None:
         return  # a motion over time, as of a coupled run, follows from no states
     pressure, bend = (kinematics.data[name].values for name in ("state_pressure", "state_bend"))
-    paper = kinematics.values("paper_bend") if equations else None
+    paper = kinematics.values("paper_bend")
     std = kinematics.values("state_bend_std")
     band = (
         "The band is the standard uncertainty from roof and channel heights, the split of the"
@@ -54,6 +51,6 @@ def bending_figure(album: Album, path: Path, length: float, equations: bool) -> 
     figure = draw_series.bending(pressure, bend, std, paper, length)
     states = "the states that drive the motion"
     alt = f"Bending radius over pressure from {states}."
-    dashed = "; the paper's equations (1)–(6) dashed" if equations else ""
+    dashed = "; the paper's equations (1)–(6) dashed" if paper is not None else ""
     caption = f"R from {states}{dashed}. {band}"
     album.add(figure, "bending.svg", "motion", alt, caption)

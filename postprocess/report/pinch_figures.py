@@ -45,7 +45,7 @@ def pinch_figures(
         {s: pd.read_csv(out / f"{name}_{s}.csv") for s in flow.planes}
         for name in ("pairs", "centreline", "integrals", "halves")
     )
-    # Nearer than the approach the fitted cores overlap.
+    # Nearer than the approach the two regions meet.
     pairs = {
         s: table[clock.gap_at(table["time"].to_numpy()) >= APPROACH[1]]
         for s, table in pairs.items()
@@ -57,8 +57,8 @@ def pinch_figures(
         " jet below the tips, over time."
     )
     caption = (
-        "By integrals of the vorticity, which hold where cores overlap across the plane between"
-        " the fingers."
+        "Vortices: vorticity within half a tip's width of their centres. Half of the plane: that"
+        " farther than an eighth of the tip's width from a body."
     )
     album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
     alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time."
@@ -120,7 +120,7 @@ def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
         between = "downward" if name == "dorsal" else "upward"
         text = f"The {name} pair, flow between it {between}, {time:.3f} s, {gap}"
         alt = f"Velocity vectors and vorticity of the CFD. {text}."
-        caption = f"{text}. Circles: vortices by integrals, radius as the core's."
+        caption = f"{text}. Circles: as wide as the region that turns."
         album.add(None, f"pair_{name}.webp", "pinch", alt, caption)
 
 

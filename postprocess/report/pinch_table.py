@@ -5,37 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from postprocess.compare.pinch_summary import AFTER, APPROACH
-from postprocess.evidence.half_planes import BELOW, names_at
 from postprocess.evidence.pair_integrals import LATE
 from postprocess.words import PAIRS, quantity
 
 OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))
 _LATER = f"{AFTER:g} s after contact"
-_JET = [
-    row
-    for depth in BELOW
-    for row in zip(
-        (
-            f"jet {depth * 1e3:.0f} mm below the tips: speed at its fastest",
-            f"jet {depth * 1e3:.0f} mm below the tips: momentum flux per depth and density",
-        ),
-        (f"{name}_peak" for name in names_at(depth)),
-        ("m/s", "m³/s²"),
-        strict=True,
-    )
-]
 # Name of the row, its key in the comparison's summary, and its SI unit.
 _ROWS = (
-    (f"circulation of each tip vortex at its peak, {OF_GAP} (fit)", "circulation_peak", "m²/s"),
+    (f"circulation of each tip vortex at its peak, {OF_GAP}", "circulation_peak", "m²/s"),
     (f"imbalance of the pair, {OF_GAP} (RMS)", "imbalance_rms", "fraction"),
     (f"mirror distance of the centres, {OF_GAP} (RMS)", "mirror_distance_rms", "m"),
     (f"vortex beyond the tip, {OF_GAP}", "along_tip_approach", "m"),
     (f"vortex to the dorsal side, {OF_GAP}", "across_tip_approach", "m"),
-    (
-        "the same from the plane between the fingers, in core radii, at its least",
-        "core_radii_from_plane_approach",
-        "1",
-    ),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s"),
     (
         f"dorsal pair: circulation of each, {_LATER}",
@@ -72,20 +53,6 @@ _ROWS = (
         f"half plane: vertical impulse per depth and density, {_LATER}",
         "half_impulse_after",
         "m³/s",
-    ),
-    *_JET,
-    (
-        "circulation of half the plane that walls, flow and diffusion do not explain,"
-        " until contact, over its peak",
-        "circulation_unexplained",
-        "fraction",
-    ),
-    ("the same, after contact", "circulation_unexplained_after", "fraction"),
-    (
-        "vertical impulse of the plane flow (two dimensions only) against the fingers' forces per"
-        " width, largest difference over its peak",
-        "impulse_unexplained",
-        "fraction",
     ),
     (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m"),
     ("downward jet at its fastest", "jet_peak", "m/s"),

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from piv.momentum.pressure import border_of
 from postprocess.draw import pressure as draw_pressure
-from postprocess.evidence.line_loads import load_table, loads_of_sheet, relative_difference
+from postprocess.evidence.line_loads import load_table, loads_of_sheet
+from postprocess.evidence.tip_vortex import rms
 from postprocess.report.picture_index import Album
 
 
@@ -16,18 +18,17 @@ def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time:
     table = load_table(measured, own)
     now = measured.sel(time=time, method="nearest")
     nearest = int(np.argmin(np.abs(plane["time"].values - float(now["time"]))))
-    here = plane.isel(time=nearest)
-    # one zero for both: the mean along the edge of the measured view
-    edge = np.ones(now["p"].shape, bool)
-    edge[1:-1, 1:-1] = False
-    along = here["p"].interp(x=now["x"], y=now["y"]).values[edge & np.isfinite(now["p"].values)]
-    zero = float(np.nanmean(along))
+    here, known = plane.isel(time=nearest), np.isfinite(now["p"].values)
+    # one zero for both: the mean over the points at which the measured pressure's is 0
+    border = known & border_of(known)
+    zero = float(np.nanmean(here["p"].interp(x=now["x"], y=now["y"]).values[border]))
     planes = {"cfd": here.assign(p=here["p"] - zero), "piv": now}
     on_outline = {
         "cfd": own["p_outline"].values[nearest, 0] - zero,
         "piv": now["p_outline"].values[0],
     }
-    off = relative_difference(table)
+    both = table[["moment_piv", "moment_cfd"]].dropna()
+    off = rms(both["moment_piv"] - both["moment_cfd"]) / rms(both["moment_cfd"])
     caption = f"At {float(now['time']):.3f} s; each is 0 on average along the edge of PIV's view. "
     caption += (
         f"The moment from PIV is {off:.0%} off the same integral of the simulation's pressure (RMS"

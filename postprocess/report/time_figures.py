@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import FORCES
+from pipeline.runs.run import open_run
 from postprocess.draw import series as draw_series
 from postprocess.draw.flow import EDGES
 from postprocess.draw.series import Curve, Panels, over_time
@@ -107,13 +109,14 @@ def vortex_figures(
         )
         figure = draw_series.paths(flow.dominant, flow.planes["cfd"], middle)
         album.add(figure, "paths.svg", "vortex", alt, caption)
+    if files.out.resolve() != (files.scene_folder / "out" / files.level).resolve():
+        return  # a variation or a coupled run: other levels are of another motion or scene
     circulation, force = [], []
     for level, tone in zip(_LEVELS, _TONES, strict=True):
-        out = files.out if level == files.level else files.scene_folder / "out" / level
-        paths = out / "comparison.csv", out / "run/forces.csv"
-        if not all(path.exists() for path in paths):
+        out = files.out if level == files.level else _made(files, level)
+        if out is None:
             continue
-        series, forces = pd.read_csv(paths[0]), FORCES.read(paths[1])
+        series, forces = pd.read_csv(out / "comparison.csv"), FORCES.read(out / "run/forces.csv")
         if "circulation_cfd" in series:
             values = {n: series[n].to_numpy() * 1e4 for n in series if n.startswith("circulation")}
             std = values.get("circulation_std_cfd")
@@ -126,9 +129,19 @@ def vortex_figures(
         return
     alt = "Circulation of the tip vortex and force on the finger over time, of each level."
     caption = (
-        "The same scene on finer and finer grids (darker), as they were last run. Good: the curves"
-        " close up towards the finest; what is left between the last two is the grid's error."
+        "The same scene on finer and finer grids (darker). Good: the curves close up towards the"
+        " finest; what is left between the last two is the grid's error."
     )
     panels = [("circulation,\ncm²/s", circulation), ("size of the\nforce, mN", force)]
     figure = over_time([panel for panel in panels if panel[1]], middle=middle)
     album.add(figure, "levels.svg", "vortex", alt, caption)
+
+
+def _made(files: StageFiles, level: str) -> Path | None:
+    """Folder of another level's results; None where they are not those of today's scene."""
+    try:
+        run = open_run(files.scene_folder, level)
+    except StageError:
+        return None  # the scene has no such level
+    stale = any(run.why_stale(stage) for stage in ("run", "sheet", "vortices_cfd", "compare"))
+    return None if stale else run.out

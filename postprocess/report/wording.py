@@ -55,10 +55,6 @@ _ABOUT = {
 }
 
 
-def _word(met: bool | None, trial: bool) -> str:
-    return "not judged" if trial else VERDICTS[met]
-
-
 def quoted(
     comparison: dict[str, Any], pictures: list[dict[str, Any]], trial: bool = False
 ) -> tuple[list[tuple[dict[str, Any] | None, list[dict[str, Any]]]], list[dict[str, Any]]]:
@@ -73,7 +69,7 @@ def quoted(
         measured = [f"{check['label']}: {measured_text(check)}" for check in tested]
         text = "; ".join(measured) + (". " if measured and entry["why"] else "") + entry["why"]
         met = None if trial else _SENTENCES.get(entry["verdict"])
-        word = _word(met, trial) if entry["findings"] else "not tested"
+        word = VERDICTS[met] if entry["findings"] else "not tested"
         windows = [check["window_s"] for check in tested if check["window_s"]]
         beside = None
         if windows:
@@ -167,7 +163,7 @@ def rows(comparison: dict[str, Any], trial: bool = False) -> list[dict[str, Any]
             for of, value in check["measured"].items()
         ]
         met = None if trial else check["met"]
-        more = {"required": requirement(check), "word": _word(met, trial), "met": met}
+        more = {"required": requirement(check), "word": VERDICTS[met], "met": met}
         out.append(check | more | {"measured": measured, "window": check["window"] + seconds})
     return out
 

@@ -100,7 +100,7 @@ def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
 
 
 def _vortex(files: StageFiles, fresh: list[str]) -> dict[str, Any]:
-    """Mean circulation, centre and core radius of the tip vortex in mid-stroke, by source."""
+    """Means of the tip vortex in mid-stroke, by source."""
     numbers: dict[str, Any] = {}
     for source in ("cfd", "piv"):
         name = f"vortices_{source}.csv"
@@ -113,7 +113,7 @@ def _vortex(files: StageFiles, fresh: list[str]) -> dict[str, Any]:
         track = tracks.dominant_track(table, 0, window, name)
         track = track[track["time"].between(*window)]
         for column in tracks.COMPARED:
-            unit = "m2_per_s" if column == "circulation" else "m"
+            unit = {"circulation": "m2_per_s", "peak_vorticity": "per_s"}.get(column, "m")
             numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
     return numbers
 

@@ -46,7 +46,6 @@ def tip_vortex(out: Path, name: str) -> pd.DataFrame:
     return table[table["track"] == strength.idxmax()]
 
 
-@pytest.mark.xfail(reason="issue 33: PIV of a tiny run is 7 % off")
 def test_one_clockwise_vortex_on_the_dorsal_side_seen_alike(finger):
     cfd, piv = (tip_vortex(finger, f"vortices_{source}.csv") for source in ("cfd", "piv"))
     for table in (cfd, piv):
@@ -156,7 +155,6 @@ def test_a_pinch_closes_to_its_residual_gap_without_touching(pinch):
     assert np.abs((v - v[..., ::-1])[good]).max() < 1e-6
 
 
-@pytest.mark.xfail(reason="issue 33: PIV of a tiny run is 7 % off")
 def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     checks = checks_of(pinch)
     by_cfd = read(pinch / "comparison.json")["summary"]["pinch"]["cfd"]
@@ -164,13 +162,13 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0
     assert by_cfd["imbalance_rms"] < 1e-6
-    # RMS of two to four early instants with standard errors of 12 to 21 %: it scatters to 10 %
-    assert checks["pair-equal"]["measured"]["piv"] < 0.20
-    # PIV of two separately seeded halves over all instants: 0.1 to 1.6 % over six seeds
+    # windows of 8 mm hide half of the vortex: the pair's circulation is undecided, with a cure
+    assert checks["pair-equal"]["met"] is None
+    assert "set a smaller piv.window" in checks["pair-equal"]["cure"]
     pairs = np.genfromtxt(pinch / "pairs_piv.csv", delimiter=",", names=True)
-    left, right = pairs["circulation_0"], pairs["circulation_1"]
+    stated = np.hypot(pairs["circulation_std_0"], pairs["circulation_std_1"])
     assert len(pairs) > 5
-    assert abs((left + right).mean()) < 0.05 * 0.5 * (np.abs(left) + np.abs(right)).mean()
+    assert (np.abs(pairs["circulation_0"] + pairs["circulation_1"]) < 2 * stated).mean() > 0.9
     assert by_cfd["mirror_distance_rms"] < 1e-9
     assert checks["pair-mirrored"]["measured"]["piv"] < 1e-3
     # 0.55 % at twice the speed and 8 ms of overlap; the finer levels have at most 0.2 %

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from fileio.record import write_record
-from pipeline.runs.run import open_run
+from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
 from pipeline.scene.scene import load_scene
 from postprocess.compare import stage as compare
@@ -276,7 +276,7 @@ def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
 
 def test_the_page_of_a_pinch_shows_both_fingers(pinched):
     text = (pinched.out / "report.html").read_text()
-    assert "RMS over the instants of |Γ0 + Γ1|" in text  # a symbol stays as it is
+    assert "RMS of |Γ0 + Γ1|" in text  # a symbol stays as it is
     page = Page(text)
     assert page.errors == []
     assert "pinch" in {attrs.get("id") for tag, attrs in page.elements if tag == "section"}
@@ -313,14 +313,16 @@ def test_processes_change_no_picture(made, tmp_path):
     ] == []
 
 
-def test_levels_that_were_run_are_drawn_together(made, tmp_path):
+def test_levels_that_are_not_stale_are_drawn_together(made, tmp_path, monkeypatch):
     shutil.copytree(made.scene_folder.parent, tmp_path / "cases")
     shutil.copytree(made.out, tmp_path / "cases" / made.scene / "out" / "medium")
     files = opened(tmp_path / "cases" / made.scene)
+    scene = files.scene_folder / "scene.toml"
+    scene.write_text(f"{scene.read_text()}\n[levels.medium]\n")
     names = []
-    for _ in range(2):
+    for why in (None, "mesh.tip_cell changed"):
+        monkeypatch.setattr(Run, "why_stale", lambda run, stage, why=why: why)
         figures._draw(files, lambda album, *rest: _level_names(names, album, *rest))
-        shutil.rmtree(tmp_path / "cases" / made.scene / "out" / "medium", ignore_errors=True)
     assert names == [["paths.svg", "levels.svg"], ["paths.svg"]]
 
 

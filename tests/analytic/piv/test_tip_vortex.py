@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from piv.vortices.find import find_vortices
-from tests.analytic.piv.tip_scene import tip_scene, young_scene
+from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene, young_scene
 
 
 @pytest.mark.parametrize("core", [3e-3, 5e-3])
@@ -35,3 +35,24 @@ def test_a_young_vortex_at_the_wall_is_found_and_its_layer_is_not():
         assert near[0].circulation > 0
         assert np.hypot(near[0].x, near[0].y) < core
     assert len(find_vortices(young_scene(0.5e-3)[0], scale=2e-3)) == 1
+
+
+@pytest.mark.parametrize("core, gap", [(3e-3, 2.0), (5e-3, 1.2), (5e-3, 2.0)])
+def test_vectors_that_piv_misses_beside_a_known_wall_change_nothing(core, gap):
+    """Of which the layer at the wall, of the other sense, would be smoothed into the vortex."""
+    turn = np.linspace(np.pi, 2 * np.pi, 90)
+    finger = HALF_WIDTH * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    finger = np.concatenate([finger, [[HALF_WIDTH, 0.1], [-HALF_WIDTH, 0.1]]])
+    plane, _ = tip_scene(0.5e-3, core, gap)
+    plane["outline"] = ("finger", "point", "axis"), finger[None]
+    xx, yy = np.meshgrid(plane["x"], plane["y"])
+    beside = (np.abs(xx) < HALF_WIDTH + 0.55e-3) & (yy > 0)
+    beside |= np.hypot(xx, yy) < HALF_WIDTH + 0.55e-3
+    seen = plane.copy(deep=True)
+    seen["valid"] = plane["valid"].where(~beside, 0)
+    whole, part = (find_vortices(p, scale=2e-3)[0] for p in (plane, seen))
+    assert part.circulation == pytest.approx(whole.circulation, rel=1e-6)
+    assert part.circulation_std < 0.01 * whole.circulation
+    bare = (find_vortices(p.drop_vars("outline"), scale=2e-3)[0] for p in (plane, seen))
+    one, other = (v.circulation for v in bare)
+    assert abs(other - one) > 0.01 * abs(one)  # which the rule avoids

@@ -13,12 +13,11 @@ from postprocess.evidence.dorsal_circulation import dorsal_circulation
 GAMMA, X0, Y0, WIDTH = -8e-3, 0.011, 0.172, 0.0167
 AXIS = np.arange(-0.06, 0.0601, 0.0005)
 TIP = np.array([X0 + 0.01, Y0])  # its dorsal side is -x: the vortex is 10 mm off, 2 to 4 core radii
-REACH = 1.5  # tip widths: 25 mm, 15 mm and more from the vortex
 TURN = np.linspace(0.0, 2 * np.pi, 720, endpoint=False)
 
 
 def found(*vortices, body=(0.05, 0.22), radius=0.004, rate=0.0) -> pd.Series:
-    """Circulation and centroid at 0.2 s of vortices (x, y, circulation, core radius) and a disc.
+    """Circulation at 0.2 s of vortices (x, y, circulation, core radius) and a disc.
 
     The disc turns by `rate` (rad/s); by default it lies outside the region.
     """
@@ -39,27 +38,16 @@ def found(*vortices, body=(0.05, 0.22), radius=0.004, rate=0.0) -> pd.Series:
     variables = {n: (("time", "y", "x"), np.stack([field] * 2)) for n, field in fields.items()}
     variables |= {n: (axes[np.ndim(f)], np.stack([[f]] * 2)) for n, f in of_finger.items()}
     plane = xr.Dataset(variables, {"time": [0.1, 0.2], "y": y, "x": x}, {"tip_width": WIDTH})
-    rows = dorsal_circulation(plane, (0.15, 0.3), REACH)
+    rows = dorsal_circulation(plane, (0.15, 0.3))
     assert rows["time"].tolist() == [0.2]
     return rows.iloc[0]
 
 
 @pytest.mark.parametrize("core_radius", [0.0025, 0.0045])
-def test_circulation_and_centre_do_not_depend_on_the_core(core_radius):
+def test_circulation_does_not_depend_on_the_core(core_radius):
     row = found((X0, Y0, GAMMA, core_radius))
     # of a core of 4.5 mm 0.1 % lies beyond the plane through the tip, 10 mm off (erfc(10/4.5)/2)
     assert row.circulation == pytest.approx(GAMMA, rel=2e-3)
-    # points of 0.5 mm: a thousandth of the region's 25 mm
-    np.testing.assert_allclose([row.x, row.y], [X0, Y0], atol=2.5e-5)
-
-
-@pytest.mark.parametrize("moved", [(1e-3, 0.0), (-2.3e-3, 1.1e-3), (0.0, -6e-3)])
-def test_centroid_moves_with_the_vortex(moved):
-    before = found((X0, Y0, GAMMA, 0.003))
-    after = found((X0 + moved[0], Y0 + moved[1], GAMMA, 0.003))
-    # a thousandth of the region; of a core of 3 mm, 9 mm from the region's edge, 1e-5 is cut off
-    np.testing.assert_allclose([after.x - before.x, after.y - before.y], moved, atol=2.5e-5)
-    assert after.circulation == pytest.approx(before.circulation, rel=5e-4)
 
 
 def test_vortices_on_the_ventral_side_or_far_away_do_not_count():
@@ -74,4 +62,3 @@ def test_the_wall_layer_counts_although_the_grid_does_not_resolve_it():
     row = found(body=centre, radius=radius, rate=rate)
     # a polygon of 720 points in place of the circle: 1e-5
     assert row.circulation == pytest.approx(-2 * np.pi * radius**2 * rate, rel=1e-4)
-    np.testing.assert_allclose([row.x, row.y], centre, atol=1e-7)

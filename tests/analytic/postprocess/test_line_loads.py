@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from postprocess.evidence.line_loads import load_table, relative_difference
+from postprocess.evidence.line_loads import load_table
 
 
 def series(times: list[float], moment: list[float], std: float = 0.0) -> xr.Dataset:
@@ -20,7 +20,7 @@ def series(times: list[float], moment: list[float], std: float = 0.0) -> xr.Data
 
 
 def test_loads_of_two_sources_side_by_side() -> None:
-    """Over the common time, the simulation's by lines; 10 % more everywhere is 10 % off."""
+    """Over the common time, the simulation's by lines."""
     table = load_table(
         series([0.05, 0.15, 0.25, 0.35], [1.65, 2.75, 3.85, 9.0], 0.2),
         series([0.0, 0.1, 0.2, 0.3], [1.0, 2.0, 3.0, 4.0]),
@@ -29,8 +29,6 @@ def test_loads_of_two_sources_side_by_side() -> None:
     np.testing.assert_allclose(table["moment_cfd"], [1.5, 2.5, 3.5])
     np.testing.assert_allclose(table["force_y_piv"], table["moment_piv"] / 2)
     assert set(table["moment_piv_std"]) == {0.2}
-    for name in ("moment", "force_y"):
-        assert relative_difference(table, name) == pytest.approx(0.1)
 
 
 def test_what_has_no_loads_or_no_common_time_is_refused() -> None:

@@ -19,7 +19,7 @@ FINDINGS = read_findings(PINCH, frozenset(QUANTITIES))
     [
         ([True, True], "met"),
         ([True, False, None], "not met"),
-        ([True, None], "not judged"),
+        ([True, None], "undecided"),
         ([], "not testable"),
     ],
 )
