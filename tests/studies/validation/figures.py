@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from piv.plots.vectors import COLOUR_MAP
 from postprocess.draw.flow import vorticity
-from postprocess.draw.style import BODY, CFD, COLOUR_MAP, GREY, PIV, THIRD, new_figure, save
+from postprocess.draw.style import BODY, CFD, GREY, PIV, THIRD, new_figure, save
 
 Curves = dict[str, Any]
 TURNING = 60.0  # vorticity over the speed of rotation at the ends of the colours
