@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -108,13 +108,14 @@ def flow_figure(
     tables: dict[str, pd.DataFrame] | None = None,
     dpi: float = 100,
     panel: float = 5.0,
+    fixed: Sequence[np.ndarray] = (),
 ) -> Callable[[float], np.ndarray]:
     """Draws one panel per source; the function returned gives the image of an instant (s).
 
     `vortices`: by source each finger's tip vortex over time; `scale`: velocity scale, m/s;
     `limit`: of the vorticity, 1/s; `view`: x0, x1, y0, y1 in m; `panel`: width of a panel,
     inches. The other vortices of `tables` are marked by thin circles. The source "difference" is
-    coloured by its speed over the scale.
+    coloured by its speed over the scale. `fixed`: outlines (point, 2) of obstacles, m.
     """
     x0, x1, y0, y1 = view
     height = panel * (y1 - y0) / (x1 - x0) + 0.85
@@ -125,6 +126,8 @@ def flow_figure(
         table, tracks = (tables or {}).get(source), vortices.get(source, [])
         top = None if source == "difference" else limit
         shade, moving, update = _panel(ax, plane, tracks, table, scale, top)
+        for outline in fixed:
+            ax.fill(*(outline.T * MM), color=GREY)
         ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
         moving.append(ax.text(0, 1.015, "", transform=ax.transAxes, weight="bold", size=11))
         ax.grid(False)

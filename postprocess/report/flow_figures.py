@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -75,11 +76,13 @@ class Flow(NamedTuple):
         """x0, x1, y0, y1 (m) of what every picture shows."""
         return draw_flow.view_limits(self.planes, self.dominant)
 
-    def images(self, planes: dict[str, xr.Dataset], **more: float) -> Callable[[float], np.ndarray]:
+    def images(self, planes: dict[str, xr.Dataset], **more: Any) -> Callable[[float], np.ndarray]:
         """As `flow_figure`, in this region and with one scale of colours for all."""
         limit = draw_flow.vorticity_limit(self.planes["cfd"], self.instants())
+        outlines = json.loads(self.planes["cfd"].attrs.get("fixed_bodies", "[]"))
+        options: dict[str, Any] = {"tables": self.tables, "fixed": [*map(np.array, outlines)]}
         return draw_flow.flow_figure(
-            planes, self.dominant, self.scale, limit, self.region(), tables=self.tables, **more
+            planes, self.dominant, self.scale, limit, self.region(), **options, **more
         )
 
 

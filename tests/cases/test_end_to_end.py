@@ -191,7 +191,7 @@ title = "Enough cells for four ranks"
 [motion]
 # 6 kPa moved the tip by 0.03 mm until then: a motion of nothing, which is refused now
 strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.2 }]
-end_time = 0.004
+end_time = 0.008
 
 [levels.dense]
 model = { kind = "2d" }
