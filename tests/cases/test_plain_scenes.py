@@ -42,33 +42,25 @@ tip_cell = 2e-3
 near_cell = 4e-3
 far_cell = 0.04
 """ + WATER.format(centre="[0.0, 0.15]")
-FINGER = """
+NEAR_THE_BOTTOM = """
 title = "A finger of its own"
 [finger]
-root = {root}
-length = {length}
-thickness = {thickness}
+root = [0.0, 0.095]
+length = 0.07
+thickness = 0.0145
 [motion]
-strokes = [{{ pressure_kpa = 12.0, start = 0.005, duration = 0.1 }}]
+strokes = [{ pressure_kpa = 12.0, start = 0.005, duration = 0.1 }]
 end_time = 0.1
 [mesh]
-wall_cell = {wall}
-wall_first_layer = {first}
+wall_cell = 3.5e-3
+wall_first_layer = 1.2e-3
 wall_layers = 2
-tip_cell = {tip}
-near_cell = {near}
+tip_cell = 2.2e-3
+near_cell = 5e-3
 far_cell = 0.04
-"""
-LARGE_CELLS = {"wall": 3.5e-3, "first": 1.2e-3, "tip": 2.2e-3, "near": 5e-3}
-SMALL_CELLS = {"wall": 2e-3, "first": 0.7e-3, "tip": 1.5e-3, "near": 3e-3}
-NEAR_THE_BOTTOM = FINGER.format(
-    root="[0.0, 0.095]", length=0.07, thickness=0.0145, **LARGE_CELLS
-) + WATER.format(centre="[0.01, 0.045]")
-SMALL = FINGER.format(
-    root="[0.0, 0.2]", length=0.035, thickness=0.008, **SMALL_CELLS
-) + WATER.format(centre="[0.01, 0.18]")
+""" + WATER.format(centre="[0.01, 0.045]")
 # names with a dash and a capital, and with the name of another scene
-SCENES = {"my_scene": CYLINDER, "Low-1": NEAR_THE_BOTTOM, "no_pinch": SMALL}
+SCENES = {"no_pinch": CYLINDER, "Low-1": NEAR_THE_BOTTOM}
 
 
 @pytest.mark.parametrize("name", SCENES)
