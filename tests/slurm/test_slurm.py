@@ -53,7 +53,7 @@ FLAGS = (
 LONG = """
 [levels.draft]
 numerics = { time_step = 2.5e-4, write_interval = 0.02 }
-camera = { columns = 320, rows = 256, centre = [0.01, 0.185] }
+camera = { columns = 320, rows = 256, scale_mm_per_px = 0.35 }
 piv = { every = 5, preset = "fast" }
 """
 FOLDER = ROOT / "cases" / "slurm_test"

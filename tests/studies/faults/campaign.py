@@ -87,7 +87,9 @@ class Work:
 
     def kill(self) -> None:
         """kill -9 of all its processes; the solver, in its own session, must end by itself."""
-        os.killpg(self._process.pid or 0, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):  # no group yet: it has started nothing
+            os.killpg(self._process.pid or 0, signal.SIGKILL)
+        self._process.kill()
         self._process.join()
 
     def answer(self) -> Answer:
