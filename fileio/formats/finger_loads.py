@@ -78,7 +78,7 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
     step, apart = np.asarray(values["step"]), wet - bend
     places = sorted({int(np.argmin(apart)), int(np.argmax(apart))})
     parts = [
-        f"at {wet[k]:.0f}° in place of {bend[k]:.0f}° at {step[k]:.2f} s"
+        f"at {wet[k]:.0f}° in place of {bend[k]:.0f}° at {step[k]:.2f} s".replace("-", "−")
         for k in places
         if abs(apart[k]) >= _WORTH
     ]

@@ -11,6 +11,7 @@ from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
 from postprocess.draw import water as draw_water
 from postprocess.report.picture_index import Album
+from postprocess.words import minus
 
 
 def water_figure(album: Album, path: Path) -> None:
@@ -23,8 +24,9 @@ def water_figure(album: Album, path: Path) -> None:
     at = int(np.argmax(np.abs(bend - free)))
     alt = "Bend, tip path, loads along the finger and its energy over time."
     caption = (
-        f"At {loads['step'].values[at]:.3f} s the water holds the finger at {bend[at]:.1f}°, which"
-        f" its pressure would bend to {free[at]:.1f}° without load."
+        f"At {loads['step'].values[at]:.3f} s the water holds the finger at"
+        f" {minus(f'{bend[at]:.1f}')}°, which its pressure"
+        f" would bend to {minus(f'{free[at]:.1f}')}° without load."
         if coupled
         else "The motion is prescribed: it is that of a finger that no load bends. The dash-dotted"
         " lines are the same finger in air and in modelled water; the work of the pressure is that"
