@@ -61,12 +61,14 @@ def size(values: Any, unit: str) -> str:
     factor, shown, _ = _LABORATORY.get(unit, (1.0, unit, None))
     values = np.atleast_1d(np.asarray(values, float))
     value = float(values[0]) if values.size == 1 else float(np.hypot(*values))
-    return f"{value * factor:.3g}{NBSP}{shown}"
+    return minus(f"{value * factor:.3g}{NBSP}{shown}")
 
 
 def pair(values: Any, unit: str) -> str:
-    """One number, or the two coordinates of a place; times in ms."""
+    """One number, or the two coordinates of a place; times in ms; empty where not known."""
     factor, shown, _ = _LABORATORY.get(unit, (1.0, unit, None))
     values = np.atleast_1d(np.asarray(values, float)) * factor
+    if not np.isfinite(values).all():
+        return ""
     number = f"({values[0]:.2f}, {values[1]:.2f})" if values.size == 2 else f"{values[0]:.4g}"
-    return f"{number}{NBSP}{shown}"
+    return minus(f"{number}{NBSP}{shown}")

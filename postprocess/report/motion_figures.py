@@ -28,7 +28,7 @@ def water_figure(album: Album, path: Path) -> None:
         f" {minus(f'{bend[at]:.1f}')}°, which its pressure"
         f" would bend to {minus(f'{free[at]:.1f}')}° without load."
         if coupled
-        else "The motion is prescribed: it is that of a finger that no load bends. The dash-dotted"
+        else "The motion is prescribed: it is that of a finger that no load bends. The broken"
         " lines are the same finger in air and in modelled water; the work of the pressure is that"
         " of what drives the motion."
     )

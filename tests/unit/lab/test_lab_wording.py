@@ -72,7 +72,7 @@ PLACE = quantity("centre", 1e-3, 1e-3, unit="m", scale=0.0167, detectable=0.2)
 
 def test_a_motion_that_is_to_blame_is_named_with_what_it_does_to_the_flow():
     text = answers.answer(result(BEND, SAME, wrong=["final_bend"]))
-    assert text.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about -4.47")
+    assert text.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about −4.47")
     assert "The motion is to blame" in text
     assert "5.0\u00a0% higher" in text
     assert "as PIV shows them, which is taken out: circulation -2\u00a0%" in text
