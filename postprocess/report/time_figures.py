@@ -54,7 +54,7 @@ def timeline(
     )
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures
-    height = float(np.clip(max(beside, 0.95 * len(panels)), 4.8, 7.5))
+    height = float(np.clip(max(beside, 1.15 * len(panels)), 4.8, 7.5))
     figure = over_time(panels, height, middle=middle)
     album.add(figure, "timeline.svg", "timeline", alt, caption, texts=texts)
 
