@@ -40,6 +40,9 @@ def pressure_and_loads(
     along.set(xlabel=label, ylabel="pressure, Pa", title="On the finger, same instant")
     moment.set(xlabel="time, s", ylabel="N m per metre of width", title="Moment about the root")
     along.legend(loc="best")
+    if not np.isfinite(loads["moment_piv"]).any():
+        moment.set_axis_off()
+        moment.text(0.0, 0.5, "not known: the finger leaves the view of PIV")
     return figure
 
 

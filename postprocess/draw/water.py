@@ -39,7 +39,7 @@ def water_on_finger(loads: xr.Dataset) -> Figure:
         turn.plot(time, np.degrees(loads[f"bend{name}"]), **line)
         path.plot(*(loads[f"tip{name}"].values.T * MM), **line)
     turn.set(xlabel="time, s", ylabel="bend angle, °", title="Bend")
-    path.set(xlabel="x, mm", ylabel="y, mm", title="Path of the tip", aspect="equal")
+    path.set(xlabel="x, mm", ylabel="y, mm", title="Path of the tip's ventral edge", aspect="equal")
     arc, load = _over_groups(loads["arc"].values, loads["force"].values[..., 1])
     size = float(np.quantile(np.abs(load), 0.995)) or 1.0  # an impact would hide the rest
     grid = across.pcolormesh(loads["time"], arc * MM, load.T, cmap="PuOr_r", vmin=-size, vmax=size)
