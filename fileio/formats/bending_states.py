@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from fileio.errors import StageError
+from fileio.errors import StageError, suggestion
 from fileio.schema import Schema, variables
 
 FloatArray = NDArray[np.float64]
@@ -180,6 +180,9 @@ def read_states(path: Path, thickness: float) -> States:
     return states
 
 
+_COLUMNS = ("pressure_kpa", "s", "x", "y", "thickness", "converged")  # of a CSV
+
+
 def profile_rows(path: Path, thickness: float | None) -> dict[float, FloatArray]:
     """Points (point, 4) of the profiles in a CSV by pressure (kPa): ascending s, x, y, thickness.
 
@@ -194,6 +197,13 @@ def profile_rows(path: Path, thickness: float | None) -> dict[float, FloatArray]
     needed = ("pressure_kpa", "s", "x", "y", *(() if thickness else ("thickness",)))
     if missing := [name for name in needed if name not in header]:
         raise StageError(f"{path}: no column {missing[0]} in its header; give {', '.join(needed)}")
+    if unknown := [name for name in header if name not in _COLUMNS]:
+        raise StageError(
+            f"{path}: unknown column {unknown[0]}{suggestion(unknown[0], _COLUMNS)};"
+            f" the columns are {', '.join(_COLUMNS)}"
+        )
+    if len(lines) == 1:
+        raise StageError(f"{path}: no rows below its header; give the points of each state")
     rows: dict[float, list[list[float]]] = {}
     for number, line in lines[1:]:
         where = f"{path}, line {number}"
@@ -203,18 +213,19 @@ def profile_rows(path: Path, thickness: float | None) -> dict[float, FloatArray]
             raise StageError(
                 f"{where}: {line.strip()!r} is not {len(header)} numbers; correct it"
             ) from None
-        if not np.isfinite([*row.values()]).all() or row.get("converged", 1) == 0:
+        if not np.isfinite([*row.values()]).all():
+            raise StageError(f"{where}: a number is NaN or infinite; leave that state out")
+        if row.get("converged", 1) == 0:
             raise StageError(
-                f"{where}: the state at {row['pressure_kpa']:g} kPa holds NaN, or did not converge;"
-                " leave it out"
+                f"{where}: the state at {row['pressure_kpa']:g} kPa did not converge; leave it out"
             )
         point = [row["s"], row["x"], row["y"], row.get("thickness", thickness or 0.0)]
         rows.setdefault(row["pressure_kpa"], []).append(point)
     profiles = {pressure: np.array(sorted(points)) for pressure, points in rows.items()}
     for pressure, points in profiles.items():
-        if len(points) < 3 or not np.all(np.diff(points[:, 0]) > 0):
+        if len(points) < 4 or not np.all(np.diff(points[:, 0]) > 0):
             raise StageError(
-                f"{path}: the state at {pressure:g} kPa needs three points or more with distinct s"
+                f"{path}: the state at {pressure:g} kPa needs four points or more with distinct s"
             )
     return profiles
 

@@ -47,10 +47,11 @@ def fit_circle(profile: FloatArray) -> tuple[float, float]:
     """
     length = float(arc_length(profile)[-1])
     # of few chords, which noise turns by little
-    few = profile[np.linspace(0, len(profile) - 1, 8).round().astype(int)]
+    few = profile[np.linspace(0, len(profile) - 1, min(8, len(profile))).round().astype(int)]
+    middle = (len(few) - 1) // 2
     direction = np.unwrap(np.arctan2(*np.diff(few, axis=0).T[::-1]))
-    a, b = np.cos(direction[3]), np.sin(direction[3])
-    s, h = ((profile - few[3:5].mean(0)) / length @ [[a, -b], [b, a]]).T
+    a, b = np.cos(direction[middle]), np.sin(direction[middle])
+    s, h = ((profile - few[middle : middle + 2].mean(0)) / length @ [[a, -b], [b, a]]).T
 
     def distance(unknowns: FloatArray) -> FloatArray:
         curvature, offset, turn = unknowns

@@ -52,9 +52,10 @@ def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
     """
     # a spline needs three rows; two are a ramp
     times, pressure = measured_table(path, "t,p", "s and Pa", least=2 if smoothing else 3)
-    if (span := np.ptp(pressure)) < 200:
-        cause = "looks like kPa" if span else "moves no finger"
-        raise StageError(f"{path}: pressures span {span:.3g} Pa, which {cause}; give Pa")
+    if not (span := np.ptp(pressure)):
+        raise StageError(f"{path}: the pressure never changes; give one that moves the finger")
+    if span < 200:
+        raise StageError(f"{path}: pressures span {span:.3g} Pa, which looks like kPa; give Pa")
     if smoothing:
         return averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)

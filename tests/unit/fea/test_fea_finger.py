@@ -133,3 +133,10 @@ def test_a_noisy_profile_turns_to_its_own_side(turn):
     radius, residual = fit_circle(circle + noise)
     assert radius == pytest.approx(0.07 / turn, rel=0.02)
     assert residual == pytest.approx(3e-4, rel=0.2)  # a tenth from 101 points, twice that
+
+
+def test_circle_through_few_points_turns_the_right_way():
+    for count in (3, 4, 5, 8):
+        angle = np.linspace(0, 1.2, count)
+        profile = 0.05 * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=-1)
+        assert fit_circle(profile)[0] == pytest.approx(0.05, rel=1e-6)

@@ -123,7 +123,7 @@ def test_radii_come_back(tmp_path, writer):
             "5 states but pressures_kpa has 3",
         ),
         (write_profiles, {}, ", s, x, y", ", s, converged, x, y", "line 3: .* is not 5 numbers"),
-        (write_profiles, {}, "10.0, 0.000000000, 0.000000000", "10.0, 0, nan", "holds NaN"),
+        (write_profiles, {}, "10.0, 0.000000000, 0.000000000", "10.0, 0, nan", "NaN or infinite"),
         (write_profiles, {}, "-20.0, 0.000000000, 0.000000000, ", "-20.0; 0.0; ", "line 3"),
         (write_profiles, {"thickness": 0.05}, "", "", r"-20 kPa the outline .* crosses itself"),
         (write_profiles, {"thickness": None}, "", "", "no column thickness"),
@@ -147,7 +147,7 @@ def test_states_of_different_meshes_or_that_did_not_converge_are_named(tmp_path)
         imported(tmp_path, results, WIDTH)
     rows = ["pressure_kpa, s, x, y, converged", "10, 0, 0, 0, 1", "30, 0, 0, 0, 0"]
     (tmp_path / "profiles.csv").write_text("\n".join(rows))
-    with pytest.raises(ValueError, match=r"line 3: the state at 30 kPa .* did not converge"):
+    with pytest.raises(ValueError, match=r"line 3: the state at 30 kPa did not converge"):
         imported(tmp_path, Import(file="profiles.csv", thickness=HEIGHT), WIDTH)
 
 

@@ -56,9 +56,11 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
         (csv_of({k: v * 1e3 for k, v in GOOD.items()}), "mm"),
         (csv_of(GOOD, "p,s,x,y"), "header"),
         ("", "header"),
+        (csv_of(GOOD, "pressure_kpa,s,x,y,thicknes"), "unknown column thicknes; did you mean"),
+        ("pressure_kpa,s,x,y\n", "no rows below its header"),
         (csv_of(GOOD) + "30,0.01\n", "line 92: .* is not 4 numbers"),
         (csv_of(GOOD) + "30,a,b,c\n", "is not 4 numbers"),
-        (csv_of(GOOD) + "30,0,0,0\n", "three points"),
+        (csv_of(GOOD) + "30,0,0,0\n", "four points"),
     ],
 )
 def test_bad_states_are_one_sentence(tmp_path, text, words):

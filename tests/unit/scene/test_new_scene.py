@@ -60,7 +60,7 @@ def test_a_fast_finger_has_shorter_time_steps(tmp_path):
         ({"length": 0.22}, r"hangs? .* give a higher one, at least 278 mm"),
         ({"width": 0.3}, r"finger\.width = 0\.3 m does not fit"),
         ({"rows": "t,p\n0,0\n0.5,15\n"}, "looks like kPa"),
-        ({"rows": "t,p\n0,5000\n0.5,5000\n"}, "moves no finger"),
+        ({"rows": "t,p\n0,5000\n0.5,5000\n"}, "never changes"),
         ({"rows": "t,p\n0,0\n"}, "has 1 rows of 2 numbers"),
         ({"rows": "0,0\n"}, "at least 2 rows"),
     ],
