@@ -82,8 +82,9 @@ def run(
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
     others = {"another mode": len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
+    others |= {"HOSTS": hosts is not None}
     if not coupled:  # which is one run of its own
-        others |= {"one stage": until != "report", "--dry-run": dry_run, "HOSTS": hosts is not None}
+        others |= {"one stage": until != "report", "--dry-run": dry_run}
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
     if accuracy or budget:
@@ -290,10 +291,7 @@ def compare(
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
     run_ = _open(scene, level)
-    try:  # a laboratory's files are read by PIV, too, which knows no StageError
-        page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
-    except ValueError as error:
-        raise StageError(str(error)) from error
+    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
     if page is not None:
         print(f"report: {page.resolve()}")
 

@@ -47,7 +47,8 @@ _BEFORE = "first_run.npz"  # beside them: of a first run that failed its check
 _FRAME = 0.25  # of a time step: the displacement of an instant stands before and after it
 _STALE_TURN = np.radians(25.0)  # of the tip, after which the water's inertia is computed anew
 _HESSIAN = 5  # steps that the mesh's Hessian serves, and between two checks of its quality
-_BEYOND = 5.0  # deg above the limit of non-orthogonality that the first guess keeps
+# deg above the limit of non-orthogonality, which the guessed shapes keep; the cycle needed 0.1
+_BEYOND = 5.0
 _PAUSE = 1e-3  # s
 _CONTACT = 0.01  # N: the first force that is tried
 _MODES = 8
@@ -262,7 +263,7 @@ class Follower:
         target[self._planform.wall] = outline_at(run.outline_after(number), self._planform.material)
         try:
             nodes = move(nodes, target)
-            if number % _HESSIAN == 0:
+            if number % _HESSIAN == 0 or number in (self._first, self._end):
                 quality = shape_quality(self._planform, nodes)
                 check_quality(quality, run.bend(number), run.scene.mesh, _BEYOND)
         except MorphError as error:

@@ -26,7 +26,8 @@ def estimate(run: Run, stage: str) -> tuple[float, float]:
     seconds, memory = BY_NAME[stage].cost
     if stage == FEA.name:
         fea = sections(run.scene)[1]
-        return seconds * (len(fea.pressures) + _UNCERTAIN_STATES * fea.uncertainty), memory
+        uncertain = fea.uncertainty and fea.engine == "unit_cell"
+        return seconds * (len(fea.pressures) + _UNCERTAIN_STATES * uncertain), memory
     scale = _SCALE.get(run.scene.level, 1.0)
     if BY_NAME[stage].ranks:
         size = predicted(run.scene)

@@ -29,7 +29,7 @@ OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they rep
 
 def command(name: str, folder: Path) -> str:
     """A command on a scene: make's where the folder lies in cases/, else the program's."""
-    if folder.resolve().parent.name == "cases":
+    if folder.resolve().parent == Path("cases").resolve():
         return f"make {name} SCENE={folder.resolve().name}"
     return f"softfinger {name} {folder}"
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from fileio.errors import StageError
 from pipeline.openfoam.ranks import LEAST_CELLS
 
 
@@ -125,6 +126,11 @@ def fit(one: dict[str, float], two: dict[str, float], network: Network) -> Solve
     (`alone_s`) and on two (`step_s`).
     """
     serial, fixed = one.get("serial_s", 0.0), one.get("fixed_s", 0.0)
+    if not 0 <= serial + fixed < one["step_s"]:
+        raise StageError(
+            f"scaling.toml: serial_s + fixed_s = {serial + fixed:g} s is no part of a step of"
+            f" {one['step_s']:g} s; correct them"
+        )
     own = (one["step_s"] - serial - fixed) / one["cells"]
     solver = Solver(own, 1.0, serial / one["cells"], one["cycles"], seconds_per_step=fixed)
     shared = two["alone_s"] - fixed
