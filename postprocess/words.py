@@ -61,7 +61,7 @@ def size(values: Any, unit: str) -> str:
     factor, shown, _ = _LABORATORY.get(unit, (1.0, unit, None))
     values = np.atleast_1d(np.asarray(values, float))
     value = float(values[0]) if values.size == 1 else float(np.hypot(*values))
-    return minus(f"{value * factor:.3g}{NBSP}{shown}")
+    return minus(f"{three_digits(value * factor)}{NBSP}{shown}")
 
 
 def pair(values: Any, unit: str) -> str:

@@ -131,7 +131,7 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
     lab = nominal.out / "lab" / place.name
     try:
         compare_with(nominal, place, Machine(), inputs=True, quick=False, quiet=True)
-    except (StageError, ValueError) as error:
+    except StageError as error:
         return row | {"refused": str(error)}
     found, result = read_registration(lab / "registration.json"), LAB_COMPARISON.read(
         lab / "comparison.json"

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from fileio.errors import StageError
 from fileio.key_reference import complaints
 from fileio.provenance import check_version
 from fileio.toml_text import read_toml
@@ -251,7 +252,7 @@ def read_dpiv(path: Path) -> Dpiv:
                 wrong += complaints([one | {"loc": place}], Dpiv)
     needs = (f"{key} is missing: give {HINTS.get(key, key)}" for key in dict.fromkeys(missing))
     if faults := "; ".join([*needs, *wrong]):
-        raise ValueError(f"{path}: {faults}")
+        raise StageError(f"{path}: {faults}")
     return dpiv
 
 
@@ -274,9 +275,10 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
         "axes.root_px": pictures and axes and not finger,
     }
     given = {*table, *(f"{name}.{key}" for name, part in of.items() for key in part)}
+    stated = HINTS["start"].split(", or")[0]
     faults = {
-        f"scale: give one of {HINTS['scale'][8:]}": scale and ways != 1,
-        f"start cannot come from the motion without pictures: give {HINTS['start'][:43]}": vectors
+        f"scale: give one of {HINTS['scale'].removeprefix('scale = ')}": scale and ways != 1,
+        f"start cannot come from the motion without pictures: give {stated}": vectors
         and table.get("start") == "from motion",
         "scale of vectors: give scale_mm_per_px and std_percent": vectors
         and (finger or "calibration" in scale),

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
+from fileio.errors import StageError
 from fileio.toml_text import read_toml
 from postprocess.lab.data.dpiv_toml import Positive, Table
 
@@ -19,7 +20,7 @@ MESH_GROWTH = ("wall_growth", "layer_growth")
 
 def _not_zero(value: float) -> float:
     if value == 0:
-        raise ValueError("a run with nothing changed measures nothing; give another step than 0")
+        raise StageError("a run with nothing changed measures nothing; give another step than 0")
     return value
 
 
@@ -85,9 +86,9 @@ def read_inputs(scene_folder: Path) -> Inputs:
         inputs = Inputs(**read_toml(path))
     except ValidationError as error:
         first = error.errors()[0]
-        raise ValueError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        raise StageError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     if inputs.format != "inputs" or inputs.format_version != 1:
-        raise ValueError(f'{path}: needs format = "inputs" and format_version = 1 at its top')
+        raise StageError(f'{path}: needs format = "inputs" and format_version = 1 at its top')
     return inputs
 
 
@@ -101,7 +102,7 @@ def virtual_row(numbers: dict[str, Any], pressure_kpa: float) -> Row:
     """Row of a virtual laboratory, whose last stroke goes to another pressure; ValueError."""
     strokes = numbers["motion"]["strokes"]
     if not strokes:
-        raise ValueError(
+        raise StageError(
             "scene.toml: motion.strokes is empty; a virtual laboratory changes the last stroke"
         )
     changed = [*strokes[:-1], strokes[-1] | {"pressure_kpa": pressure_kpa}]
@@ -126,7 +127,7 @@ def _stepped(numbers: dict[str, Any], key: str, step: float) -> dict[str, Any]:
         for name in keys[:short]:
             whole = whole[name]
     except (KeyError, IndexError, TypeError, ValueError):
-        raise ValueError(f"inputs.toml: the scene has no number {key!r}") from None
+        raise StageError(f"inputs.toml: the scene has no number {key!r}") from None
     return {".".join(keys[:short]): whole}
 
 

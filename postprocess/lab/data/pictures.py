@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from fileio.errors import StageError
 from piv.images.calibration import Calibration, load_calibration, rectify_image
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
@@ -22,10 +23,10 @@ def _frame_times(dpiv: Dpiv, count: int) -> np.ndarray:
 
 
 def _check_rate(dpiv: Dpiv, source: Recording) -> None:
-    """ValueError where the recording states its own frame rate and dpiv.toml another one."""
+    """StageError where the recording states its own frame rate and dpiv.toml another one."""
     stated = source.attrs.get("frame_rate_hz")
     if stated and dpiv.piv.pairing == "1-2,2-3" and abs(stated * dpiv.interval - 1) > 0.01:
-        raise ValueError(
+        raise StageError(
             f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {source.name}"
             f" states {stated:g}; correct the one that is wrong"
         )
@@ -43,7 +44,10 @@ class LabRecording(Recording):
     times: np.ndarray
 
     def __init__(self, dpiv: Dpiv) -> None:
-        self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
+        try:
+            self._source = open_recording(dpiv.sources(), colour=dpiv.colour)
+        except ValueError as error:  # PIV knows no StageError
+            raise StageError(str(error)) from error
         _check_rate(dpiv, self._source)
         super().__init__(self._source.name, len(self._source))
         self.times = _frame_times(dpiv, len(self._source))

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
+from fileio.errors import StageError
 from fileio.formats.plane_series import make_plane, usable
 from piv.synthetic.plane_spline import PlaneField
 from piv.synthetic.virtual_camera import finger_at
@@ -82,7 +83,7 @@ def camera_series(
     field = PlaneField(series)
     first, last = field.time[[0, -1]]
     if np.min(times) < first - 1e-9 or np.max(times) > last + 1e-9:
-        raise ValueError(
+        raise StageError(
             f"instants {np.min(times):.4f}…{np.max(times):.4f} s lie outside the series"
             f" {first:.4f}…{last:.4f} s"
         )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from fileio.errors import StageError
 from piv.synthetic.camera import Seeding
 
 # ∫exp(−8z²/t²)dz/t and ∫exp(−16z²/t²)dz/t
@@ -49,12 +50,12 @@ def measure_appearance(
     for frame, mask in zip(frames, masks, strict=True):
         fits += _tiles(frame.astype(np.float64), mask, body_level)
     if not fits:
-        raise ValueError(
+        raise StageError(
             f"no part of {TILE_PX}x{TILE_PX} px is free of the body; the seeding cannot be measured"
         )
     mean, *cov = np.median(np.array(fits), axis=0)
     if mean <= 0.5 or cov[0] <= 0:
-        raise ValueError(
+        raise StageError(
             f"the water is {mean:.2g} grey levels brighter than the body; no particles are seen"
         )
     sigma2, variance = _gaussian(np.array(cov))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from fileio.errors import StageError
 from fileio.json_text import natural_key
 from piv.foreign.read import read_own, read_vectors
 from piv.images.calibration import Calibration, calibrate_plane
@@ -51,7 +52,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     own = read_own(paths[0]) if stated.kind in (None, "plane", "csv") else None
     if own is not None and dpiv.axes.y == "down":
         text = 'in files of this kind y is up; state axes.y = "up" in dpiv.toml'
-        raise ValueError(f"{paths[0]}: {text}")
+        raise StageError(f"{paths[0]}: {text}")
     try:
         if own is None:
             plane = read_vectors(
@@ -65,13 +66,13 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
         else:
             plane = _in_metres(own, dpiv)
     except ValueError as error:  # piv asks by the names of its options
-        raise ValueError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
+        raise StageError(re.sub(r"--([a-z-]+)", _key_of_option, str(error))) from None
     if "time" not in plane.dims:
-        raise ValueError(f"{paths[0]}: one instant is no motion; give the files of a series")
+        raise StageError(f"{paths[0]}: one instant is no motion; give the files of a series")
     plane = plane.load()
     rate = 1 / float(np.mean(np.diff(plane["time"].values)))
     if abs(rate / dpiv.frame_rate_hz - 1) > 0.01:
-        raise ValueError(
+        raise StageError(
             f"{dpiv.folder / NAME}: frame_rate_hz is {dpiv.frame_rate_hz:g}, but {paths[0]} holds"
             f" {rate:.4g} fields per second; correct the one that is wrong"
         )
@@ -81,7 +82,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
         plane = plane.assign(u=(plane["u"].dims, mirrored))
     if "u_std" not in plane:
         if stated.std_px is None:
-            raise ValueError(
+            raise StageError(
                 f"{paths[0]}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml,"
                 " the standard uncertainty of a displacement in px"
             )

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics
 from fileio.formats.plane_series import usable
 from postprocess.lab.data.inputs_toml import Input, Numerics
@@ -66,7 +67,7 @@ def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
     every = [*measured.values(), *(e.table for e in case.effects)]
     at = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
     if at.size < FEWEST:
-        raise ValueError(
+        raise StageError(
             f"the tip vortex exists on all sides at only {at.size} instants; three are needed:"
             " take pictures of the whole stroke, or of more particles"
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from fileio.errors import StageError
 from fileio.formats.plane_series import usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
@@ -40,7 +41,7 @@ def scatter(plane: xr.Dataset, table: pd.DataFrame, rows: np.ndarray) -> dict[st
     RMS over the instants `rows`. ValueError where the vectors carry no uncertainty.
     """
     if "u_std" not in plane:
-        raise ValueError(
+        raise StageError(
             "the vectors carry no uncertainty (u_std, v_std); give vectors.std_px in dpiv.toml"
         )
     std = {name: table.loc[rows, f"{name}_random_std"].to_numpy(float) for name in COLUMNS}

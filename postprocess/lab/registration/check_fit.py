@@ -60,7 +60,8 @@ def check_fit(
     recording: Recording, registration: Registration, kinematics: Kinematics, known: Known
 ) -> FitCheck:
     """Check a registration against its pictures and what is `known`."""
-    images = [recording.frame(int(i)) for i in known.chosen(len(recording))]
+    chosen = known.chosen(len(recording))
+    images = [recording.frame(int(i)) for i in chosen]
     pose, shapes = registration.pose, shapes_of(kinematics)
     evidence = learned(images, known, pose, kinematics.tip_width)
     seen = images, evidence, shapes, pose, registration.pressures, registration.growth
@@ -72,7 +73,9 @@ def check_fit(
     parts = _wrong_parts(profile)
     refusals = [_parts_sentence(parts)] if parts else []
     refusals += check_priors(registration, known)
-    refusals += check_motion(kinematics, registration, np.diff(registration.times).max())
+    # of the recording, of which long ones are fitted in part: a dropped frame shifts by one of it
+    interval = np.ptp(registration.times) / max(np.ptp(chosen), 1) * (2 if known.paired else 1)
+    refusals += check_motion(kinematics, registration, float(interval))
     rate = profile.rate()
     within = profile.count[..., INSIDE].sum(axis=1)
     allowed = WITHIN * rate * profile.area[..., INSIDE].sum(axis=1)

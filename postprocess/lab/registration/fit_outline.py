@@ -16,6 +16,7 @@ from functools import cached_property
 import numba
 import numpy as np
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.silhouette import (
@@ -337,7 +338,7 @@ def fit_outline(
     at = np.concatenate(places)
     middle = at.mean(axis=0)
     if middle.min() < 1 or middle.max() > TABLE - 2:
-        raise ValueError(
+        raise StageError(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
             " give the simulation the recording's pressure (motion.strokes in scene.toml)"
         )

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics
 from piv.images.masks import dark_body
 from piv.images.recording import Recording
@@ -168,14 +169,14 @@ def register(
     prior, how = (state, about), (sweeps[:2], seed)
     try:
         rough = fit_outline(frames, few, first, begin, prior, loose, *how)
-    except ValueError as error:
-        raise ValueError(wrong or str(error)) from error
+    except StageError as error:
+        raise StageError(wrong or str(error)) from error
     stretch, shrunk = rough.state[-1], rough.states.mean(axis=0, keepdims=True)
     shrunk[:, GROWTH] = GROWN_PX
     places = shapes.places_of(rough.pressures.mean(axis=0))[None]
     as_good = CLEARLY * few.scores_at(frames, shrunk, places).sum() > shown
     if wrong and not (as_good and 1 / STRETCHED < stretch < STRETCHED):
-        raise ValueError(wrong)
+        raise StageError(wrong)
     profile = outline_profile(images, evidence, shapes, *rough.seen, blind)
     for _ in range(SHADE_ROUNDS if known.light_from is not None else 0):
         blind = blind_parts(profile.outlines, pose, *alike, known.light_from)

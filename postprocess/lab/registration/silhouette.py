@@ -14,6 +14,7 @@ import cv2
 import numba
 import numpy as np
 
+from fileio.errors import StageError
 from piv.images.masks import dark_body
 
 COST = 4.0  # at most, of a particle within an outline: a reflection on the body must not move it
@@ -87,7 +88,7 @@ def learn(
         ]
     inside = np.concatenate([f[m] for f, m in zip(frames, cores, strict=True)]).astype(float)
     if inside.size < 200 or sum(m.sum() for m in clears) < 200:
-        raise ValueError(
+        raise StageError(
             f"the dark body leaves {inside.size} pixels well inside it; the finger must be wider"
             f" than {2 * CORE_PX} px and must not fill the picture"
         )
@@ -102,7 +103,7 @@ def learn(
             area[k] += region.sum()
     within, rate = (count + 0.5) / area
     if not rate > 5 * within:
-        raise ValueError(
+        raise StageError(
             f"the dark body holds {within:.2g} bright spots per px², the water {rate:.2g}: the two"
             " cannot be told apart; check that the finger is darker than the seeded water, and"
             " state light_from_deg where light comes from one side"

@@ -75,7 +75,7 @@ def _of_pictures(
         registration = register(
             recording, recording.times, kinematics, known, sweeps=how, seed=seed
         )
-    except ValueError as error:
+    except StageError as error:
         raise StageError(f"{dpiv.folder / NAME}: {error}") from error
     check = check_fit(recording, registration, kinematics, known)
     refuse_what_does_not_fit(files, check, dpiv, keep=quick)
@@ -117,7 +117,7 @@ def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
     bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
     counts = dpiv.finger_geometry == "nominal"
     if counts and bend_std == 0:
-        raise ValueError(
+        raise StageError(
             f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
             ' fea, or state finger_geometry = "measured" in dpiv.toml'
         )

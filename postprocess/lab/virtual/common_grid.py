@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics
 from fileio.formats.plane_series import (
     OUTLIER,
@@ -81,7 +82,7 @@ def _enough(ok: np.ndarray, at: np.ndarray, span: tuple[float, float]) -> np.nda
     """Indices of the instants that are `ok`; ValueError where there are fewer than four."""
     index = np.flatnonzero(ok)
     if index.size < 4:
-        raise ValueError(
+        raise StageError(
             f"the data cover {at[0]:.3f}…{at[-1]:.3f} s of the simulation's clock, the simulation"
             f" {span[0]:.3f}…{span[1]:.3f} s: they share fewer than four instants; check start in"
             " dpiv.toml"
