@@ -13,7 +13,9 @@ from piv.vortices.criteria import derivative
 REACH = 4  # fields to either side, at most
 # parts of an interval by which the instant of a derivative is not known
 BETWEEN, END = 0.2, 0.5
-WIDE = 4.0  # lengths of errors: what is longer stays in a pressure
+# correlation lengths over which the error of a time derivative is averaged before it is judged:
+# shorter errors cancel in a pressure
+WIDE = 4.0
 _SCHEME = "fourth-order"
 
 

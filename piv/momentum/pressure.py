@@ -21,7 +21,7 @@ from piv.vortices.criteria import gradients
 WATER = 998.2, 1.004e-6  # kg/m³ and m²/s at 20 °C
 SAMPLES = 12  # of errors, which give standard uncertainties to a fifth
 MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
-SHARE = 0.04  # of the pressure: what windows and finite intervals take without a trace
+SHARE = 0.04  # of the pressure, chosen: what windows take without a trace
 _FIELDS = 2 * REACH + 1
 _ROUNDS = 6  # of the fit of two variances, which then stands still
 LEAST = 1e-6  # m/s: no vector is better known

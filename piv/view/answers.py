@@ -218,7 +218,7 @@ def tried(
     options, sequence = _chosen(scene, settings)
     first, second = scene.frames_of(step)
     if first == second:
-        raise ValueError("one frame is no pair; give --images of a recording")
+        raise ValueError("a pair needs two images, and --images has one; give more")
     clean = Preprocessor(sequence.steps, scene.recording)
     masks = [clean.mask(scene.recording.mask(k)) for k in (first, second)]
     if polygons:

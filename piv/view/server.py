@@ -73,7 +73,7 @@ class Answers:
 def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[str], None]) -> None:
     """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address.
 
-    A request is actions only with the secret of the address in it and with a Host of this machine:
+    A request is answered only with the secret of the address in it and with a Host of this machine:
     a page of a stranger knows neither the one nor, by DNS rebinding, the other.
     """
     secret, one = secrets.token_urlsafe(16), threading.Lock()

@@ -90,9 +90,11 @@ def _at_walls(plane: xr.Dataset, near: float) -> np.ndarray:
         x, y = axes[0][columns], axes[1][rows]
         points = np.column_stack([g.ravel() for g in np.meshgrid(x, y)])
         along = np.roll(outline, -1, axis=0) - outline
-        parts = int(np.ceil(4 * np.hypot(*along.T).max() / max(near, _step(plane))))
-        dense = outline + along * np.arange(parts)[:, None, None] / parts
-        away, _ = cKDTree(dense.reshape(-1, 2)).query(points, distance_upper_bound=near)
+        parts = 1 + (4 * np.hypot(*along.T) / max(near, _step(plane))).astype(int)
+        each = np.repeat(np.arange(len(outline)), parts)
+        share = (np.arange(len(each)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[each]
+        dense = outline[each] + along[each] * share[:, None]
+        away, _ = cKDTree(dense).query(points, distance_upper_bound=near)
         beside = np.isfinite(away).reshape(y.size, x.size)
         mask[rows, columns] |= beside | inside_polygon(outline, x, y)
     return mask

@@ -26,7 +26,8 @@ REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a 
 OF_GRID = np.array([0.025, 0.025, 0.025, 0.04, 0.17])
 OF_PIV = 0.002  # of a circulation, where windows and their smoothing err alike over a vortex
 POWER = np.array([2, 2, 1, 2, 2])
-# by which errors of PIV exceed those of the replicas; measured on 150 vortices, right on 150 others
+# errors of PIV over those of the replicas: x, y, circulation, radius, peak; of 150 vortices
+# (docs/vortices.md; no command repeats it)
 OF_REPLICAS = np.array([0.8, 0.8, 1.0, 1.1, 1.4])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
+from datetime import date
 from pathlib import Path
 
 import matplotlib
@@ -69,8 +69,9 @@ def copy_numbers(scene: str, level: str) -> None:
     run = RUN.read(out / "run/run.json")
     balance = run["power_balance"]
     work, taken = abs(balance["work"]), balance["taken"]
+    day = date.fromtimestamp((out / "run/run.json").stat().st_mtime)
     facts = {
-        "made": f"{time.strftime('%Y-%m-%d')}, level {level}, model {run['model']}",
+        "made": f"{day}, level {level}, model {run['model']}",
         "cells": f"{run['cells']:,}",
         "time steps": f"{run['steps']:,} of {run['time_step'] * 1e3:g} ms",
         "time of the solver": f"{run['wall_time']:.0f} s on {run['ranks']} ranks",

@@ -95,7 +95,7 @@ def test_pressure_of_an_exact_flow_with_noise(flow: Callable) -> None:
         assert np.mean(known[np.isfinite(exact)]) > 0.98  # beside the body no vector need have one
         errors.append(np.sqrt(np.mean(off[known] ** 2)) / np.nanstd(exact))
         covered.append(np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]))
-    assert max(errors) < 0.05  # 2.8 and 2.7 %; issue 36 asks for 5
+    assert max(errors) < 0.05  # 2.8 and 2.7 % here; 5 % is what a user is promised
     assert np.mean(covered) > 0.88  # too wide is no fault here: a share of p is systematic
 
 
