@@ -11,8 +11,9 @@ from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinemat
 from fileio.formats.plane_series import make_plane
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
+from piv.images.masks import inside_polygon
 from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon, sheet_light
+from piv.synthetic.particle_images import Body, add_particles, expose, sheet_light
 from piv.synthetic.particles import Box, seed_particles
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.registration.silhouette import left_of
@@ -58,9 +59,9 @@ def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int
     box = Box(-4.0, camera.width_px + 4.0, -4.0, camera.height_px + 4.0, 1.25)
     p = seed_particles(box, seeding.density_ppp, seeding.diameter_px, seeding.diameter_std_px, rng)
     outline = pose.to_px(kinematics.shape("outline", pressure))
-    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    polygon = outline[:, 0], camera.height_px - 1 - outline[:, 1]
-    fill_polygon(mask, *polygon)
+    polygon = np.array([0, camera.height_px - 1]) + outline * [1, -1]
+    axes = np.arange(camera.width_px), np.arange(camera.height_px)
+    mask = inside_polygon(polygon, *axes).astype(np.uint8)
     row = camera.height_px - 1 - p[1]
     light = seeding.peak * 255 * sheet_light(p[2], 1.0) * (p[3] / seeding.diameter_px) ** 2
     light[Body(mask, (polygon,)).holds(p[0], row)] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
+from piv.compiled import compiled
 from piv.images.open_recording import row_to_y_px
 
 # of particle images to a body: below it a threshold would cut the light sheet's own shade
@@ -43,14 +45,34 @@ def polygon_mask(polygon_px: ndarray, shape: tuple[int, int]) -> ndarray:
     return mask.astype(bool)
 
 
-def inside_polygon(polygon: ndarray, x: ndarray, y: ndarray) -> ndarray:
-    """Which points (y, x) of a grid lie within a closed polygon (corner, axis): even-odd rule."""
-    odd = np.zeros((len(y), len(x)), bool)
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        rows = (y0 <= y) != (y1 <= y)
-        crossing = x0 + (y[rows] - y0) * ((x1 - x0) / (y1 - y0 or 1.0))
-        odd[rows] ^= x < crossing[:, None]
-    return odd
+def inside_polygon(polygon: ndarray, x: ndarray, y: ndarray, near: float = 0.0) -> ndarray:
+    """Which points lie within a closed polygon (corner, axis) or `near` it: even-odd rule.
+
+    A grid of axes x and y gives (y, x); points x (n, 1) and y (n,) give (n, 1).
+    """
+    corners, x, y = (np.ascontiguousarray(a, float) for a in (polygon, np.atleast_2d(x), y))
+    return _inside_polygon(corners, x, y, float(near))
+
+
+@compiled
+def _inside_polygon(polygon, x, y, near):
+    inside = np.zeros((y.size, x.shape[1]), np.bool_)
+    beside = inside.copy()
+    for k in range(len(polygon)):
+        (x0, y0), (x1, y1) = polygon[k - 1], polygon[k]
+        dx, dy = x1 - x0, y1 - y0
+        square = max(dx * dx + dy * dy, 1e-300)
+        for j in range(y.size):
+            line = x[j if len(x) > 1 else 0]
+            up = y[j] - y0
+            if (y0 <= y[j]) != (y1 <= y[j]):
+                inside[j] ^= line < x0 + up * (dx / dy)
+            if near > 0 and min(y0, y1) - near <= y[j] <= max(y0, y1) + near:
+                for i in range(line.size):
+                    right = line[i] - x0
+                    part = min(max((right * dx + up * dy) / square, 0.0), 1.0)
+                    beside[j, i] |= math.hypot(right - part * dx, up - part * dy) <= near
+    return inside | beside
 
 
 def read_polygon(path: str | Path) -> ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy import float32, ndarray
 
 from piv.compiled import compiled
+from piv.images.masks import inside_polygon
 
 SLAB_HALF_WIDTH = 1.25  # in sheet thicknesses: light has fallen to exp(-12.5) there
 
@@ -61,29 +62,6 @@ def add_particles(image, column, row, amplitude, diameter):
 
 
 @compiled
-def fill_polygon(mask, column, row):
-    """Set `mask` (rows, columns; uint8) to 1 inside the closed polygon (even-odd rule)."""
-    rows, columns = mask.shape
-    n = column.size
-    crossing = np.empty(n)
-    for j in range(rows):
-        count = 0
-        for k in range(n):
-            m = (k + 1) % n
-            if (row[k] <= j) != (row[m] <= j):
-                crossing[count] = column[k] + (j - row[k]) / (row[m] - row[k]) * (
-                    column[m] - column[k]
-                )
-                count += 1
-        hits = np.sort(crossing[:count])
-        for c in range(0, count - 1, 2):
-            for i in range(
-                max(0, math.ceil(hits[c])), min(columns - 1, math.floor(hits[c + 1])) + 1
-            ):
-                mask[j, i] = 1
-
-
-@compiled
 def in_mask(mask, column, row):
     """Points (px, row 0 at the top) on a set pixel of `mask`; False outside the picture."""
     rows, columns = mask.shape
@@ -95,28 +73,12 @@ def in_mask(mask, column, row):
     return out
 
 
-@compiled
-def _in_polygon(column, row, at_column, at_row):
-    """Which points `at_…` lie inside the closed polygon (even-odd rule)."""
-    inside = np.zeros(at_column.size, np.bool_)
-    n = column.size
-    for k in range(n):
-        m = k + 1 if k + 1 < n else 0
-        if row[k] == row[m]:
-            continue
-        slope = (column[m] - column[k]) / (row[m] - row[k])
-        for i in range(at_row.size):
-            if (row[k] <= at_row[i]) != (row[m] <= at_row[i]):
-                inside[i] ^= at_column[i] < column[k] + (at_row[i] - row[k]) * slope
-    return inside
-
-
 @dataclass(frozen=True)
 class Body:
-    """A body in a picture: `mask` (rows, columns; uint8), known outlines (column, row) in px."""
+    """A body in a picture: `mask` (rows, columns; uint8), outlines (column, row; px)."""
 
     mask: ndarray
-    polygons: tuple[tuple[ndarray, ndarray], ...] = ()
+    polygons: tuple[ndarray, ...] = ()
 
     @cached_property
     def edge(self) -> ndarray:
@@ -131,7 +93,7 @@ class Body:
             near = np.flatnonzero(in_mask(self.edge, column, row))
             inside[near] = False
             for polygon in self.polygons:
-                inside[near] |= _in_polygon(*polygon, column[near], row[near])
+                inside[near] |= inside_polygon(polygon, column[near, None], row[near])[:, 0]
         return inside
 
 

@@ -14,13 +14,13 @@ from numpy import ndarray
 
 from fileio.formats.plane_series import FINGER_VARIABLES, usable
 from fileio.formats.recording import CAMERA
+from piv.images.masks import inside_polygon
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import (
     SLAB_HALF_WIDTH,
     Body,
     add_particles,
     expose,
-    fill_polygon,
     in_mask,
     shadow_of,
     sheet_light,
@@ -115,9 +115,10 @@ class Recorder:
             polygons = []
             for points in (*finger_at(self.series, "outline", t), *self._fixed):
                 ok = np.isfinite(points).all(axis=1)
-                column, row = self.to_px(points[ok, 0], points[ok, 1])
-                polygons.append((column + rim, row + rim))
-                fill_polygon(mask, *polygons[-1])
+                polygons.append(np.stack(self.to_px(*points[ok].T), axis=1) + rim)
+                mask |= inside_polygon(
+                    polygons[-1], np.arange(mask.shape[1]), np.arange(mask.shape[0])
+                )
             return Body(mask, tuple(polygons))
         f, scale = self.field, self.camera.pixel
         absent = ~usable(self.series.isel(time=int(np.argmin(np.abs(f.time - t))))).values

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from scipy.spatial import cKDTree
 
 from fileio.formats.plane_series import MASKED, VALID, usable
 from fileio.formats.recording import window_of
@@ -58,7 +57,7 @@ def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:
 
 
 def _step(plane: xr.Dataset) -> float:
-    return float(max(plane["x"][1] - plane["x"][0], plane["y"][1] - plane["y"][0]))
+    return float(max(np.ptp(plane[axis].values[:2]) for axis in "xy"))
 
 
 def _start(m: Measures, scale: float) -> tuple[float, float, float, float]:
@@ -87,16 +86,7 @@ def _at_walls(plane: xr.Dataset, near: float) -> np.ndarray:
             continue  # no such finger at this instant
         low, high = outline.min(axis=0) - near, outline.max(axis=0) + near
         columns, rows = (slice(*np.searchsorted(axes[k], (low[k], high[k]))) for k in (0, 1))
-        x, y = axes[0][columns], axes[1][rows]
-        points = np.column_stack([g.ravel() for g in np.meshgrid(x, y)])
-        along = np.roll(outline, -1, axis=0) - outline
-        parts = 1 + (4 * np.hypot(*along.T) / max(near, _step(plane))).astype(int)
-        each = np.repeat(np.arange(len(outline)), parts)
-        share = (np.arange(len(each)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[each]
-        dense = outline[each] + along[each] * share[:, None]
-        away, _ = cKDTree(dense).query(points, distance_upper_bound=near)
-        beside = np.isfinite(away).reshape(y.size, x.size)
-        mask[rows, columns] |= beside | inside_polygon(outline, x, y)
+        mask[rows, columns] |= inside_polygon(outline, axes[0][columns], axes[1][rows], near)
     return mask
 
 

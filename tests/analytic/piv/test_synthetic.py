@@ -10,8 +10,9 @@ import xarray as xr
 from scipy import integrate
 
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from piv.images.masks import inside_polygon
 from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.particle_images import Body, add_particles, expose, fill_polygon
+from piv.synthetic.particle_images import Body, add_particles, expose
 from piv.synthetic.particles import (
     MARGIN,
     Box,
@@ -173,9 +174,8 @@ def test_a_particle_is_hidden_by_the_outline_and_not_by_its_pixels():
     row = np.full(3000, 4.2)
     column = np.random.default_rng(1).uniform(3.5, 8.5, 3000)
     for edge in (6.0, 6.3, 6.6):
-        polygon = np.array([0.4, edge, edge, 0.4]), np.array([0.5, 0.5, 8.0, 8.0])
-        mask = np.zeros((10, 12), np.uint8)
-        fill_polygon(mask, *polygon)
+        polygon = np.array([[0.4, 0.5], [edge, 0.5], [edge, 8.0], [0.4, 8.0]])
+        mask = inside_polygon(polygon, np.arange(12), np.arange(10)).astype(np.uint8)
         np.testing.assert_array_equal(Body(mask, (polygon,)).holds(column, row), column < edge)
 
 
