@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from fileio.atomic import write_text
-from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import (
     SWEEP,
@@ -37,15 +35,14 @@ from pipeline.openfoam.gate import add_gate
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 
-SYMMETRIC = ("half", "quarter")
-INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
+_SYMMETRIC = ("half", "quarter")
+_INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
 
 
 def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> dict[str, str]:
     """The entries of system/numbers for one interval.
 
     handover: time (s) of the fields that start the next interval; back: z (m) of the back wall.
-    The run stage changes `startTime` where it resumes.
     """
     kind = scene.model.kind
     flat, n = kind == "2d", scene.numerics
@@ -68,7 +65,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "meshMotion": "dynamicMotionSolverFvMesh" if interval.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,
-        "interpolationScheme": INTERPOLATION[n.interpolation],
+        "interpolationScheme": _INTERPOLATION[n.interpolation],
         "density": f"{scene.fluid.density:.10g}",
         "viscosity": f"{scene.fluid.kinematic_viscosity:.10g}",
         "simulationType": "laminar" if scene.fluid.turbulence == "laminar" else "LES",
@@ -81,15 +78,26 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "backPressureType": "empty" if flat else "zeroGradient",
         "backPatchType": "empty" if flat else "patch",
         "frontType": "fixedValue",
-        "sheetSampling": "patch" if kind in SYMMETRIC else "cuttingPlane",
+        "sheetSampling": "patch" if kind in _SYMMETRIC else "cuttingPlane",
         "sheetPoint": point(0, 0, sheet_z),
     }
 
 
 def numbers_text(entries: dict[str, str]) -> str:
     """The file system/numbers."""
-    head = "// Every number of the case; written by the case stage from scene.toml.\n"
+    head = "// Every number of the case, from scene.toml; the run stage writes it anew.\n"
     return head + "".join(f"{key:<23} {value};\n" for key, value in entries.items())
+
+
+def write_numbers(
+    scene: Scene, intervals: Sequence[Interval], interval: Interval, planform: xr.Dataset
+) -> None:
+    """Write system/numbers of the case of one of the `intervals`."""
+    later = [each.begin for each in intervals if each.index == interval.index + 1]
+    handover = (later or [scene.motion.end_time])[0]
+    entries = numbers(scene, interval, handover, float(planform["levels"].values[0]))
+    path = scene.out / "case" / interval.name / "system" / "numbers"
+    write_text(path, numbers_text(entries))
 
 
 def obstacles_text(names: list[str]) -> str:
@@ -193,38 +201,6 @@ def zones(
     }
 
 
-def write_case(
-    folder: Path,
-    entries: dict[str, str],
-    first: bool,
-    planform: xr.Dataset,
-    mesh: PolyMesh,
-    points: np.ndarray,
-) -> None:
-    """Write the OpenFOAM case of one mesh interval.
-
-    entries: of system/numbers; points: (point, 3) m; first: starts from rest, not mapped fields.
-    """
-    kind = str(planform.attrs["model"])
-    for path in template_files():
-        write_bytes(folder / path.relative_to(BASE), path.read_bytes())
-    if not first:
-        (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
-    write_text(folder / "system" / "numbers", numbers_text(entries))
-    write_text(folder / "system" / "regions", regions_text(kind))
-    walls = [name for name, _, _ in mesh.patches if name in OBSTACLE_PATCHES]
-    write_text(folder / "system" / "obstacles", obstacles_text(walls))
-    faces, cells = zones(mesh, planform)
-    write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
-    write_text(folder / "case.foam", "")
-
-
-def columns_of(mesh: PolyMesh) -> dict[str, np.ndarray]:
-    """The columns of a mesh, for sweep.h5."""
-    names = ("node", "level", "cell_column", "cell_layer")
-    return {name: getattr(mesh, name) for name in names}
-
-
 def write_interval(
     scene: Scene,
     intervals: Sequence[Interval],
@@ -234,26 +210,21 @@ def write_interval(
     nodes: np.ndarray,
 ) -> None:
     """Write the case of one of the `intervals`; `nodes` (node, 2) m: at its begin."""
-    folder = scene.out / "case" / interval.name
-    later = [each.begin for each in intervals if each.index == interval.index + 1]
-    handover = (later or [scene.motion.end_time])[0]
-    levels = planform["levels"].values
-    entries = numbers(scene, interval, handover, float(levels[0]))
-    points = mesh.points(nodes, levels)
-    write_case(folder, entries, not interval.index, planform, mesh, points)
+    folder, kind = scene.out / "case" / interval.name, str(planform.attrs["model"])
+    for path in template_files():
+        write_bytes(folder / path.relative_to(BASE), path.read_bytes())
+    if interval.index:
+        (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
+    write_numbers(scene, intervals, interval, planform)
+    write_text(folder / "system" / "regions", regions_text(kind))
+    walls = [name for name, _, _ in mesh.patches if name in OBSTACLE_PATCHES]
+    write_text(folder / "system" / "obstacles", obstacles_text(walls))
+    faces, cells = zones(mesh, planform)
+    points = mesh.points(nodes, planform["levels"].values)
+    write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
+    write_text(folder / "case.foam", "")
     if scene.coupled:
         add_gate(folder)
-
-
-def check_intervals(intervals: tuple[Interval, ...], time_step: float, planform: Path) -> None:
-    """StageError where an interval of the planform does not begin at a whole time step (s)."""
-    for interval in intervals:
-        if abs(interval.start - steps_of(interval.start, time_step) * time_step) > 1e-6 * time_step:
-            raise StageError(
-                f"{planform}: interval {interval.index} begins at {interval.start:g} s, no whole"
-                f" number of numerics.time_step = {time_step:g} s, which has changed since; delete"
-                " that file and run make again"
-            )
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
@@ -261,7 +232,6 @@ def run(scene: Scene, quiet: bool = False) -> None:
     folder = scene.out / "case"
     template_files()  # raises before the old case is deleted
     intervals = read_intervals(scene.out)
-    check_intervals(intervals, scene.numerics.time_step, scene.out / "planform.h5")
     planforms = {
         number: read_planform(scene.out, number)
         for number in {interval.mesh for interval in intervals}
@@ -277,7 +247,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
         columns = {}
         for interval in intervals:
             planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
-            columns[interval.name] = columns_of(mesh)
+            names = ("node", "level", "cell_column", "cell_layer")
+            columns[interval.name] = {name: getattr(mesh, name) for name in names}
             if interval.index and scene.coupled:
                 continue  # made in the run, in the shape that the finger then has
             nodes = NodeMotion.of(law, planform).nodes(interval.begin)

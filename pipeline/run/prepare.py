@@ -20,7 +20,6 @@ from tqdm import tqdm
 from fileio.atomic import write_text
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import IntervalMesh
-from fileio.record import check_whole
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
 from pipeline.openfoam.environment import COLLATED, run_tool
@@ -50,8 +49,6 @@ def prepare(
     """
     case, mesh = cases[k], meshes[k]
     wanted = case_state(case, ranks)
-    for path in (case / "constant" / "polyMesh").iterdir():
-        check_whole(path, f"delete {case.parents[1] / 'sweep.h5'} and run make again")
     done = prepared_for(case) == wanted
     # the frames are removed after an interval: one that is solved again needs them
     if done and (has_ended(case, mesh.interval) or frames_laid(case, ranks)):

@@ -12,6 +12,7 @@ from fileio.formats.mesh_intervals import PER_FINGER, read_meshes
 from fileio.formats.records import RUN
 from fileio.lock import exclusive
 from fileio.provenance import versions
+from pipeline.case import write_numbers
 from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
@@ -44,8 +45,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         coupled = Coupled(scene)
     guesses = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
     meshes = list(guesses)
-    cases = [scene.out / "case" / mesh.interval.name for mesh in meshes]
-    steps = [Steps.of(mesh.interval.begin, mesh.interval.end, step) for mesh in meshes]
+    intervals = [mesh.interval for mesh in meshes]
+    cases = [scene.out / "case" / interval.name for interval in intervals]
+    steps = [Steps.of(interval.begin, interval.end, step) for interval in intervals]
 
     def guards_of() -> list[Guard]:
         limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[kind]
@@ -80,6 +82,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                         followers.append(follower)
                         if k and not prepared_for(case):
                             make_later_case(scene, guesses, k, follower.first_nodes)
+                    # what was edited by hand, and the start of an earlier solver
+                    write_numbers(scene, intervals, interval, meshes[k].planform)
                     lay = follower.lay_frames if follower else None
                     prepare(cases, meshes, k, layout, steps[k], quiet, lay)
                     rightly = resumes_rightly(

@@ -200,10 +200,12 @@ def make_sheet(
 def _check_inputs(run: Run, step: Stage) -> None:
     """StageError where a file that a stage reads is damaged, or is not this run's."""
     for name in run.inputs(step):
-        record, path = read_record(run.out, name), run.path(name)
+        record = read_record(run.out, name)
         if record is None or record["digest"] != run.digest(name):
-            raise StageError(f"{path}: is not of these numbers; run make again")
-        check_whole(path)
+            raise StageError(f"{run.path(name)}: is not of these numbers; run make again")
+        for output in record["outputs"]:
+            if name == "case" or not output.startswith("case/"):  # samples: where they are read
+                check_whole(run.out / output)
 
 
 def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:

@@ -69,7 +69,10 @@ STAGES = (
     # the solver uses only these keys of the sheet, so that a finer grid needs no new solution
     Stage(
         "case", "pipeline.case", "the OpenFOAM case",
-        ("mesh",), ("sweep.h5", "case/*/constant/polyMesh/*"),
+        ("mesh",),
+        # all but system/numbers and decomposeParDict, which the run stage writes
+        ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
+         "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
         folders=("case",), cost=(1, 500), temporary=True,
     ),

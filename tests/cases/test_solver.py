@@ -100,6 +100,14 @@ def test_water_is_at_rest_until_the_finger_moves_and_signs_are_right(solved):
     assert np.abs(table(solved, "history")[:, 3]).max() < 1e-5
 
 
+def test_numbers_edited_by_hand_are_not_solved(prepared, solved, tmp_path):
+    """They are the scene's, as the record says."""
+    scene = copy_of(prepared, tmp_path / "half")
+    set_number(scene.out / "case" / "interval_0", "density", "1.2")
+    run_stage.run(scene, quiet=True)
+    assert force_difference(scene, solved) == 0
+
+
 def test_the_power_balance_names_all_terms(tmp_path):
     """Twenty instants of a stroke's begin leave 0.017 of the work, four would leave 0.034.
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from foamlib import FoamFile
 
-from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
-from pipeline.case import check_intervals, numbers, numbers_text, regions_text
+from pipeline.case import numbers, numbers_text, regions_text
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
@@ -48,13 +47,6 @@ def test_numbers_are_the_checked_ones(tmp_path, scene, level, interval):
     (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, interval, interval.end, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
     assert tree(tmp_path / "numbers") == json.loads(golden.read_text())
-
-
-def test_intervals_of_another_time_step_are_refused():
-    """An interval begins at one of its time steps, which the one before must have too."""
-    check_intervals((WHOLE, SECOND), 0.5e-3, Path("planform.h5"))
-    with pytest.raises(StageError, match=r"interval 1 begins at 0\.166 s.*delete that file"):
-        check_intervals((WHOLE, SECOND), 0.7e-3, Path("planform.h5"))
 
 
 @pytest.mark.parametrize("kind", ["half", "full"])

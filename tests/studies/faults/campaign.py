@@ -318,7 +318,9 @@ def _inputs(run: Run, stage: str) -> list[Path]:
         return [surface, *(run.out / n for n in READ[stage])]
     files = [run.path(name) for name in step.inputs] + [run.out / n for n in READ.get(stage, ())]
     if stage == "run":
-        files += sorted((run.out / "case").glob("interval_*/constant/polyMesh/*"))
+        record = read_record(run.out, "case")
+        assert record is not None
+        files += [run.out / name for name in record["outputs"] if name.startswith("case/")]
     return files
 
 

@@ -180,10 +180,12 @@ def faults_part(folder: Path) -> list[str]:
 
 def scene_lines(rows: list[Row]) -> list[str]:
     """The outcomes of each kind of drawn scenes, as lines of a table."""
-    number = {(row["scenes"], row["outcome"]): row["count"] for row in rows}
+    number = Counter[tuple[str, str]]()
+    for row in rows:
+        number[row["scenes"], row["outcome"]] += int(row["count"])
     outcomes = sorted({row["outcome"] for row in rows})
     return [
-        f"| {kind} | " + " | ".join(number.get((kind, outcome), "0") for outcome in outcomes) + " |"
+        f"| {kind} | " + " | ".join(str(number[kind, outcome]) for outcome in outcomes) + " |"
         for kind in dict.fromkeys(row["scenes"] for row in rows)
     ]
 

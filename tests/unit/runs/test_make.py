@@ -153,6 +153,21 @@ def test_a_lost_file_is_made_again_and_a_deleted_case_is_not_needed(run: Run) ->
     assert again(run).stale("mesh") == {"kinematics": "kinematics.h5 is missing"}
 
 
+def test_an_edited_case_is_made_again(run: Run) -> None:
+    """A change by hand would be solved, and no record would show it."""
+    make(run, "case", ONE, quiet=True)
+    for name in ("system/fvSchemes", "constant/transportProperties", "0/U"):
+        path = run.out / "case" / "interval_0" / name
+        text = path.read_text()
+        path.write_text(text + "// by hand\n")
+        assert again(run).stale("run") == {
+            "case": f"case/interval_0/{name} has changed since it was written",
+            "run": "not made yet",
+        }
+        make(again(run), "case", ONE, quiet=True)
+        assert path.read_text() == text
+
+
 def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
     """Two makes at once: the second is refused, and nothing is written."""
     stale, record = again(run, **{"mesh.tip_cell": 0.003}), read_record(run.out, "mesh")
