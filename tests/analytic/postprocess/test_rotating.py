@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
+from fileio.errors import StageError
 from fileio.formats.plane_series import make_plane, write_plane
 from pipeline.kinematics.rigid_body import travelled
 from pipeline.scene.scene import load_scene
@@ -60,3 +61,12 @@ def test_vortices_behind_a_rotating_plate(tmp_path, small):
     within = -np.expm1(-0.09 / (0.12**2 + 2 * rotating.WHOLE**2))
     assert layer.circulation[2] == pytest.approx(0.8 * within, rel=0.03)
     assert layer.place[2] == pytest.approx((0.0, turns[2] / 75), abs=0.02)
+
+
+def test_a_stale_run_is_named_and_not_left_out(monkeypatch):
+    def stale(row, study):
+        raise StageError(f"{row} of {study}: run make validate")
+
+    monkeypatch.setattr(rotating, "solved", stale)
+    with pytest.raises(StageError, match="re840_c13"):
+        rotating.measure()

@@ -151,5 +151,4 @@ def measure() -> Result:
         "Cylinder and water have the same density. Spring, inertia and the run's own water move the"
         f" cylinder, step by step in one run; its spring is drawn by {REST:g} D (KC = 0.12)."
     )
-    curves = {"time": time.tolist(), "path": path.tolist()}
-    return Result(NAME, scene.title, text, checks, curves, provenance=provenance(scene))
+    return Result(NAME, scene.title, text, checks, provenance=provenance(scene))
