@@ -114,9 +114,8 @@ STAGES = (
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
         ("vortices_cfd", "vortices_piv", "kinematics", "run", "sheet", "piv"),
-        ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv",
-         "halves_*.csv"),
-        {"name": True, "level": True}, version=2, cost=(3, 600),
+        ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv"),
+        {"name": True, "level": True}, version=3, cost=(3, 600),
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
@@ -128,7 +127,7 @@ STAGES = (
         ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "run", "sheet",
          "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
-        version=2, cost=(42, 900), threads=True,
+        version=3, cost=(42, 900), threads=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",

@@ -32,9 +32,10 @@ def pinch_summary(evidence: Evidence) -> dict[str, Any]:
     }
     for source, pairs in evidence.pairs.items():
         width = evidence.planes[source].attrs["tip_width"]
-        integrals, halves = evidence.integrals[source], evidence.halves[source]
-        out[source] = _source_numbers(pairs, evidence.lines[source], clock, met)
-        out[source] |= integral_numbers(integrals, halves, clock, met, width)
+        lines = evidence.lines[source]
+        out[source] = _source_numbers(pairs, lines, clock, met)
+        times = lines["time"].to_numpy()
+        out[source] |= integral_numbers(times, evidence.integrals[source], clock, met, width)
     return out
 
 
@@ -68,17 +69,18 @@ def _source_numbers(
 
 
 def integral_numbers(
-    integrals: pd.DataFrame, halves: pd.DataFrame, clock: Clock, met: float | None, width: float
+    times: np.ndarray, integrals: pd.DataFrame, clock: Clock, met: float | None, width: float
 ) -> _Numbers:
-    """Both pairs, each half of the plane and the jet; `width` of a tip (m).
+    """Both pairs over the `times` (s) of a source; `width` of a tip (m).
 
     From 0.25 s before contact until 0.3 s after it.
     """
     if met is not None:
         near = (met - _BEFORE, met + LATE)
-        integrals, halves = (table[table["time"].between(*near)] for table in (integrals, halves))
+        integrals = integrals[integrals["time"].between(*near)]
+        times = times[(times >= near[0]) & (times <= near[1])]
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
-    at = formed(halves["time"].to_numpy(), ventral, width)
+    at = formed(times, ventral, width)
     out: _Numbers = {"ventral_forms_time": at, "ventral_forms_gap": None}
     out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None
     if at is not None:
@@ -98,10 +100,6 @@ def integral_numbers(
     out["ventral_circulation_after"] = _at(ventral, "circulation", after)
     out["dorsal_from_plane_after"] = _at(dorsal.assign(x=-dorsal["x"]), "x", after)
     out["dorsal_y_after"] = _at(dorsal, "y", after)
-    mean = halves.assign(circulation=0.5 * (halves["circulation_1"] - halves["circulation_0"]))
-    mean["impulse"] = 0.5 * (halves["impulse_0"] + halves["impulse_1"])
-    for name in ("circulation", "impulse"):
-        out[f"half_{name}_after"] = _at(mean, name, after)
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib import patheffects
+from matplotlib.colors import AsinhNorm
 from scipy.ndimage import minimum_filter
 
 from piv.plots.vectors import COLOUR_MAP
@@ -19,14 +20,16 @@ from postprocess.evidence.strokes import REST
 from postprocess.words import minus
 
 EDGES = 1.25  # inches of a figure's width beside its panels
-_AROUND = 0.020  # m shown beside the fingers and the vortices' way
+_AROUND = 0.016  # m shown beside the fingers and the vortices' way
 _ARROW_EVERY = 0.0045  # m between drawn vectors
 _STILL = 0.06  # of the scale: slower water has no arrow
 _OFF_WALL = 0.003  # m: nearer a wall, its layer would set the colours
 _HALO = [patheffects.withStroke(linewidth=4.0, foreground="white")]
 # Behind the body.
-_MARK: dict[str, Any] = {"color": INK, "linewidth": 2.0, "zorder": 2, "path_effects": _HALO}
+_MARK: dict[str, Any] = {"color": INK, "zorder": 2, "path_effects": _HALO}
+_WEIGHT = (0.7, 1.6)  # points of a judged vortex: at nothing, and added at its strongest
 _OTHER: dict[str, Any] = _MARK | {"color": GREY, "linewidth": 1.0}
+_LINEAR = 0.15  # of the colours' limit: above it they are compressed, so that weak vortices show
 _MARKED = ["x", "y", "radius", "circulation"]
 _RIVAL = 0.3  # of the strongest at that instant: what is weaker is not marked
 _SHADE: dict[str, Any] = {"origin": "lower", "interpolation": "bilinear"}
@@ -138,6 +141,9 @@ def flow_figure(
     bar.set_label("speed of the difference, % of peak tip speed" if strays else
                   "vorticity, 1/s (purple: clockwise)")  # fmt: skip
     bar.outline.set_visible(False)
+    if not strays:
+        bar.set_ticks([sign * part * limit for part in (0, 0.1, 0.3, 1) for sign in (1, -1)])
+        bar.ax.yaxis.set_major_formatter(lambda value, _: minus(f"{value:.3g}"))
     figure.canvas.draw()
     figure.set_layout_engine("none")  # laid out once: every frame draws only what moves
     for _, _, _, moving, _ in updates:
@@ -191,7 +197,8 @@ def _panel(
     rows, columns = np.arange(every // 2, y.size, every), np.arange(every // 2, x.size, every)
     extent = np.array([x[0] - dx / 2, x[-1] + dx / 2, y[0] - dy / 2, y[-1] + dy / 2]) * MM
     blank = np.full((y.size, x.size), np.nan)
-    colours = _STRAYS if limit is None else {"cmap": COLOUR_MAP, "vmin": -limit, "vmax": limit}
+    norm = None if limit is None else AsinhNorm(_LINEAR * limit, -limit, limit)
+    colours = _STRAYS if norm is None else {"cmap": COLOUR_MAP, "norm": norm}
     shade = ax.imshow(blank, extent=extent, **_SHADE, **colours)
     gx, gy = np.meshgrid(x[columns] * MM, y[rows] * MM)
     hidden = np.ma.masked_all(gx.shape)
@@ -231,7 +238,10 @@ def _panel(
             rest = others(table, vortices, float(plane["time"][index]))
             beside_them.set_data(*marked(rest[_MARKED].to_numpy()))
         for mark, vortex in zip(marks, vortices, strict=True):
-            mark.set_data(*marked(_at(vortex, time)))
+            now = _at(vortex, time)
+            mark.set_data(*marked(now))
+            part = np.abs(now[:, -1]).sum() / vortex["circulation"].abs().max()
+            mark.set_linewidth(_WEIGHT[0] + _WEIGHT[1] * part)
 
     return shade, [shade, arrows, *bodies, beside_them, *marks], update
 

@@ -10,8 +10,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from postprocess.draw.series import BAND
-from postprocess.draw.style import COLOURS, MM, NAMES, new_figure
+from postprocess.draw.style import BODY, COLOURS, MM, NAMES, WIDTH, new_figure
 
+_TALL = 7.6  # inches, as the figure beside it
 _AROUND = 0.03  # m shown beside the tip's way
 
 
@@ -22,43 +23,50 @@ def pressure_and_loads(
 
     planes: that instant of each source. on_outline: (point,) Pa. loads: as `load_table` gives them.
     """
-    figure, axes = new_figure(9.6, 8.0, 2, 2)
+    known = bool(np.isfinite(loads["moment_piv"]).any())
+    figure, _ = new_figure(WIDTH, _TALL, squeeze=False)
+    figure.clear()
+    rows = [["cfd", "piv"], ["along"] * 2, *([["moment"] * 2] if known else [])]
+    axes = figure.subplot_mosaic(rows, height_ratios=[1.6, 1, 1][: len(rows)])
     size = float(np.nanpercentile(np.abs(planes["cfd"]["p"].values), 99.5))
-    for axis, (source, plane) in zip(axes[0], planes.items(), strict=True):
-        _map(figure, axis, plane, size, NAMES[source])
-    along, moment = axes[1]
+    maps = [_map(axes[source], plane, size, NAMES[source]) for source, plane in planes.items()]
+    figure.colorbar(maps[0], ax=[axes[s] for s in planes], label="pressure, Pa", shrink=0.8)
+    axes["cfd"].set_ylabel("y, mm")
     way = _from_tip(planes["piv"]) * MM
     order = np.argsort(way)
     for source, pressure in on_outline.items():
         line: dict[str, Any] = {"color": COLOURS[source], "label": NAMES[source]}
-        along.plot(way[order], pressure[order], **line)
-        moment.plot(loads["time"], loads[f"moment_{source}"], **line)
-    std = BAND * loads["moment_piv_std"]
-    low, high = loads["moment_piv"] - std, loads["moment_piv"] + std
-    moment.fill_between(loads["time"], low, high, color=COLOURS["piv"], alpha=0.2, linewidth=0)
-    label = "along the outline from the tip, mm\n(ventral < 0 < dorsal)"
-    along.set(xlabel=label, ylabel="pressure, Pa", title="On the finger, same instant")
-    moment.set(xlabel="time, s", ylabel="N m per metre of width", title="Moment about the root")
-    along.legend(loc="best")
-    if not np.isfinite(loads["moment_piv"]).any():
-        moment.set_axis_off()
-        moment.text(0.0, 0.5, "not known: the finger leaves the view of PIV")
+        axes["along"].plot(way[order], pressure[order], **line)
+        if known:
+            axes["moment"].plot(loads["time"], loads[f"moment_{source}"], **line)
+    axes["along"].set(xlabel="way along the outline from the tip (dorsal > 0), mm")
+    axes["along"].set(ylabel="pressure, Pa", title="On the finger, same instant")
+    axes["along"].legend(loc="best")
+    if known:
+        std = BAND * loads["moment_piv_std"]
+        sides = loads["moment_piv"] - std, loads["moment_piv"] + std
+        axes["moment"].fill_between(
+            loads["time"], *sides, color=COLOURS["piv"], alpha=0.2, linewidth=0
+        )
+        axes["moment"].set(
+            xlabel="time, s", ylabel="N m per m width", title="Moment about the root"
+        )
     return figure
 
 
-def _map(figure: Figure, axis, plane: xr.Dataset, size: float, name: str) -> None:
+def _map(axis, plane: xr.Dataset, size: float, name: str) -> Any:
     x, y, tip = plane["x"].values, plane["y"].values, plane["tip"].values[0]
     root = plane["outline"].values[0][:, 1].max()
     grid = axis.pcolormesh(
         x * MM, y * MM, plane["p"].values, cmap="RdBu_r", vmin=-size, vmax=size, rasterized=True
     )
-    axis.fill(*(plane["outline"].values[0].T * MM), color="k")
-    axis.set(aspect="equal", xlabel="x, mm", ylabel="y, mm", title=f"Pressure, {name}")
+    axis.fill(*(plane["outline"].values[0].T * MM), color=BODY)
+    axis.set(aspect="equal", xlabel="x, mm", title=f"Pressure, {name}")
     wide = 0.5 * (root - tip[1]) + _AROUND
     axis.set_xlim((tip[0] - wide) * MM, (tip[0] + wide) * MM)
     axis.set_ylim((tip[1] - _AROUND) * MM, (root + 0.3 * _AROUND) * MM)
     axis.grid(False)
-    figure.colorbar(grid, ax=axis, label="Pa", shrink=0.8)
+    return grid
 
 
 def _from_tip(plane: xr.Dataset) -> np.ndarray:

@@ -2,56 +2,55 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from postprocess.draw.style import CFD, GREY, MM, PIV, THIRD, new_figure
+from postprocess.draw.series import Curve, Panels, over_time
+from postprocess.draw.style import CFD, GREY, INK, MM, PIV, THIRD
 
 _GROUP = 4  # slices of the chain drawn as one
+_NOTHING = 0.01  # of the largest energy: not drawn
+_TALL = 7.6  # inches: three panels
 _ENERGIES = {
-    "pressure_work": ("work of the pressure", CFD, "-"),
-    "water_work": ("work of the water", PIV, "-"),
-    "weight_work": ("work of weight and buoyancy", THIRD, "-"),
-    "elastic_energy": ("held by bending", "k", "--"),
-    "kinetic_energy": ("of motion", GREY, "--"),
-    "damping_loss": ("lost in the rubber", GREY, ":"),
+    "pressure_work": ("by pressure", CFD, "-"),
+    "water_work": ("by water", PIV, "-"),
+    "weight_work": ("by weight", THIRD, "-"),
+    "elastic_energy": ("in bending", INK, "--"),
+    "kinetic_energy": ("in motion", GREY, "--"),
+    "damping_loss": ("in damping", GREY, ":"),
 }
 
 
 def water_on_finger(loads: xr.Dataset) -> Figure:
-    """Bend, tip path, loads and energies of a loads.h5."""
-    figure, axes = new_figure(9.6, 7.6, 2, 2)
-    time = loads["step"].values
-    turn, path, across, energy = axes.ravel()
-    coupled = bool(loads.attrs["coupled"])
+    """Bend, loads along the finger and energies of a loads.h5 over time."""
+    time, coupled = loads["step"].values, bool(loads.attrs["coupled"])
     dry, wet = ("no load", "coupled, as run") if coupled else ("as run", "in modelled water")
     as_run, other = (CFD, "-"), (GREY, "--")
     motions = (
-        ("_unloaded", dry, *(other if coupled else as_run)),
-        ("_in_air", "in air", PIV, "-."),
-        ("_in_water", wet, *(as_run if coupled else other)),
+        ("_unloaded", (dry, *(other if coupled else as_run))),
+        ("_in_air", ("in air", PIV, "-.")),
+        ("_in_water", (wet, *(as_run if coupled else other))),
     )
-    for name, label, colour, style in motions:
-        line: dict[str, Any] = {"color": colour, "linestyle": style, "label": label}
-        turn.plot(time, np.degrees(loads[f"bend{name}"]), **line)
-        path.plot(*(loads[f"tip{name}"].values.T * MM), **line)
-    turn.set(xlabel="time, s", ylabel="bend angle, °", title="Bend")
-    path.set(xlabel="x, mm", ylabel="y, mm", title="Path of the tip's ventral edge", aspect="equal")
+    bends = [Curve(time, np.degrees(loads[f"bend{n}"].values), *more) for n, more in motions]
+    least = _NOTHING * max(np.abs(loads[name].values).max() for name in _ENERGIES)
+    energies = [
+        Curve(time, loads[name].values * 1e3, *more)
+        for name, more in _ENERGIES.items()
+        if np.abs(loads[name].values).max() > least
+    ]
+    panels: Panels = [("bend, °", bends), ("along the\nfinger, mm", []), ("energy, mJ", energies)]
+    figure = over_time(panels, _TALL)
+    axes = list(figure.axes)
     arc, load = _over_groups(loads["arc"].values, loads["force"].values[..., 1])
     size = float(np.quantile(np.abs(load), 0.995)) or 1.0  # an impact would hide the rest
-    grid = across.pcolormesh(loads["time"], arc * MM, load.T, cmap="PuOr_r", vmin=-size, vmax=size)
-    figure.colorbar(grid, ax=across, label="N/m, towards the ventral side")
-    across.set(xlabel="time, s", ylabel="along the finger, mm", title="Load of the water")
-    across.grid(False)
-    for name, (label, colour, style) in _ENERGIES.items():
-        energy.plot(time, loads[name] * 1e3, color=colour, linestyle=style, label=label)
-    energy.set(xlabel="time, s", ylabel="energy, mJ", title="Energy of the finger")
-    for axis in (turn, path):
-        axis.legend(loc="best", fontsize=8)
-    energy.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=8)
+    grid = axes[1].pcolormesh(
+        loads["time"], arc * MM, load.T, cmap="PuOr_r", vmin=-size, vmax=size, rasterized=True
+    )
+    axes[1].set(ylim=(0.0, float(arc[-1]) * MM))
+    axes[1].grid(False)
+    label = "load of the water, N/m\n(orange: to the ventral side)"
+    figure.colorbar(grid, ax=axes, label=label, shrink=0.3, aspect=15, pad=0.01)
     return figure
 
 

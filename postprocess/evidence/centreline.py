@@ -26,12 +26,6 @@ def beside_middle(x: np.ndarray) -> tuple[slice, float]:
     return slice(after - 1, after + 1), float(-x[after - 1] / (x[after] - x[after - 1]))
 
 
-def halves_of(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the columns left and right of x = 0; a column on it belongs to neither."""
-    off = 1e-6 * (x[1] - x[0])
-    return x < -off, x > off
-
-
 def on_middle(values: np.ndarray, share: float) -> np.ndarray:
     """Values on x = 0, linear between its two neighbours (…, 2); NaN where one is absent."""
     if share > 1 - 1e-6:

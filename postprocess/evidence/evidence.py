@@ -19,8 +19,8 @@ class Evidence:
     """Planes and vortex tables by source ("cfd", "piv"), the velocity scale (m/s) and the clock.
 
     `sums`: fields.field_sums by pair of sources ("piv-cfd"). Of two fingers by source: `pairs`
-    (vortex_pairs), `lines` (centreline), `integrals` (pair_integrals), `halves` (half_planes), and
-    `single`, the single finger's vortices with their `bend` (rad); `single_absent`: why none.
+    (vortex_pairs), `lines` (centreline), `integrals` (pair_integrals), and `single`, the single
+    finger's vortices with their `bend` (rad); `single_absent`: why none.
     """
 
     planes: dict[str, xr.Dataset]
@@ -31,7 +31,6 @@ class Evidence:
     pairs: dict[str, pd.DataFrame] = field(default_factory=dict)
     lines: dict[str, pd.DataFrame] = field(default_factory=dict)
     integrals: dict[str, pd.DataFrame] = field(default_factory=dict)
-    halves: dict[str, pd.DataFrame] = field(default_factory=dict)
     single: dict[str, pd.DataFrame] = field(default_factory=dict)
     single_absent: str = ""
 

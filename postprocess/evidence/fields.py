@@ -7,10 +7,17 @@ import pandas as pd
 import xarray as xr
 from scipy.ndimage import map_coordinates
 
-from fileio.formats.plane_series import usable
-from postprocess.evidence.check_finite import checked_frame
+from fileio.formats.plane_series import Planes, check_vectors, usable, vectors_of
 
 ROUNDING = 1e-9  # a weight or time below this is rounding, not information
+
+
+@xr.register_dataset_accessor("vectors")
+class _Vectors(Planes):
+    """The vectors alone of a plane series, by the instant's number."""
+
+    def __init__(self, series: xr.Dataset) -> None:
+        super().__init__(vectors_of(series))
 
 
 def _onto_grid(
@@ -40,7 +47,12 @@ def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
 
     ValueError where a valid vector is no number.
     """
-    now = checked_frame(plane, index)
+    now = plane.vectors[index]
+    try:
+        check_vectors(now)
+    except ValueError as error:
+        file = plane.encoding.get("source", "a series")
+        raise ValueError(f"{file}: frame {index}: {error}; make the file again") from None
     return np.stack([now["u"].values, now["v"].values]), usable(now).values
 
 

@@ -15,9 +15,7 @@ from pipeline.scene.scene import Scene
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline
-from postprocess.evidence.check_finite import check_finger
 from postprocess.evidence.evidence import Evidence
-from postprocess.evidence.half_planes import half_planes
 from postprocess.evidence.pair_integrals import pair_integrals
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import peak_tip_speed, progress
@@ -50,8 +48,6 @@ def load_evidence(files: StageFiles) -> Evidence:
             f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing;"
             " run the stage 'sheet' again"
         )
-    for source, plane in planes.items():
-        check_finger(plane, _FINGER & set(plane), files.out / FILES[source])
     scale, _ = peak_tip_speed(cfd["time"].values, cfd["tip"].values)
     sums = {"piv-cfd": fields.field_sums(cfd, planes["piv"])} if "piv" in planes else {}
     clock = read_clock(files.numbers, cfd)
@@ -66,7 +62,6 @@ def load_evidence(files: StageFiles) -> Evidence:
         integrals={
             source: pair_integrals(plane, vortices[source]) for source, plane in planes.items()
         },
-        halves={source: half_planes(plane) for source, plane in planes.items()},
         single=single,
         single_absent=absent,
     )

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fileio import json_text
-from fileio.atomic import write_text as write_text
-from fileio.record import REMEDY
 from pipeline.scene.scene import Scene
 
 
@@ -56,11 +53,6 @@ class StageFiles:
         """Path of a file of the run, or None where the stage that makes it was not run."""
         path = self.out / name
         return path if path.exists() else None
-
-
-def read_json(path: Path, kind: type = dict) -> Any:
-    """What a stage's JSON file holds, of `kind`; ValueError in one sentence where it is damaged."""
-    return json_text.read_json(path, REMEDY, kind)
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:

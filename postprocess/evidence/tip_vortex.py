@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from fileio.formats import vortex_table
-from postprocess.evidence.check_finite import check_table
 
 _REACH = 2.5  # tip widths; a vortex further off is not the tip's
 _RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
@@ -18,10 +17,9 @@ COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """vortices.csv by time, an absent side as ""; ValueError where a number is missing."""
+    """vortices.csv by time, an absent side as ""."""
     names = (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
     table = vortex_table.read_vortices(path, names)
-    check_table(table, ("time", *COMPARED), path)
     side = table["side"].astype(object).fillna("").astype(str)
     return table.assign(side=side).sort_values("time", ignore_index=True)
 

@@ -24,7 +24,7 @@ from postprocess.report.motion_figures import bending_figure, water_figure
 from postprocess.report.picture_index import Album
 from postprocess.report.pinch_figures import pinch_figures
 from postprocess.report.pressure_figures import pressure_figure
-from postprocess.report.run_figures import camera_picture, mesh_figures, solver_figures
+from postprocess.report.run_figures import camera_picture, energy_figure, mesh_figures
 from postprocess.report.space_figures import space_figures
 from postprocess.report.time_figures import timeline, vortex_figures
 
@@ -36,12 +36,10 @@ _REQUIRED = {
     "kinematics.h5": "kinematics",
     "planform.h5": "mesh",
     "sweep.h5": "case",
-    "mesh_quality.csv": "mesh",
     "run/run.json": "run",
     "run/forces.csv": "run",
     "run/power.csv": "run",
     "run/power_terms.csv": "run",
-    "run/history.csv": "run",
 }
 _Job = Callable[[], list]
 
@@ -133,7 +131,7 @@ def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, A
         if plane.sizes["finger"] == 1 and (measured := files.optional("pressure.h5")):
             with read_plane(measured) as series:
                 pressure_figure(album, series, plane, float(np.mean(middle)))
-    solver_figures(album, out)
+    energy_figure(album, out)
     if (out / "images.h5").exists():
         camera_picture(album, out / "images.h5", float(np.mean(middle)))
     mesh_figures(album, read_planforms(out / "planform.h5"), plane)

@@ -22,7 +22,7 @@ def water_figure(album: Album, path: Path) -> None:
     coupled = bool(loads.attrs["coupled"])
     bend, free = (np.degrees(loads[name].values) for name in ("bend_in_water", "bend_unloaded"))
     at = int(np.argmax(np.abs(bend - free)))
-    alt = "Bend, tip path, loads along the finger and its energy over time."
+    alt = "Bend, loads along the finger and its energy over time."
     caption = (
         f"At {loads['step'].values[at]:.3f} s the water holds the finger at"
         f" {minus(f'{bend[at]:.1f}')}°, which its pressure"
@@ -31,6 +31,10 @@ def water_figure(album: Album, path: Path) -> None:
         else "The motion is prescribed: it is that of a finger that no load bends. The broken"
         " lines are the same finger in air and in modelled water; the work of the pressure is that"
         " of what drives the motion."
+    )
+    caption += (
+        " Energy: what pressure, water and weight (with buoyancy) have put in, what is held in"
+        " bending and motion, and what damping has taken."
     )
     figure = draw_water.water_on_finger(loads)
     album.add(figure, "water.svg", "water", alt, caption)

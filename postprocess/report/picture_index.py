@@ -39,8 +39,9 @@ class Album:
 
 def time_axis(figure: Figure) -> dict[str, Any]:
     """`axis`: left and right end in parts of the width, and their times (s); empty without one."""
-    over = [ax for ax in figure.axes if ax.get_xlabel() == "time, s"]
-    if not over or len({(ax.get_xlim(), ax.get_position().x0) for ax in figure.axes}) > 1:
+    axes = [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
+    over = [ax for ax in axes if ax.get_xlabel() == "time, s"]
+    if not over or len({(ax.get_xlim(), ax.get_position().x0) for ax in axes}) > 1:
         return {}
     place = over[0].get_position()
     return {"axis": [place.x0, place.x1, *map(float, over[0].get_xlim())]}

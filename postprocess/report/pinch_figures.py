@@ -21,7 +21,6 @@ from postprocess.evidence.time_windows import Clock, gap_reached
 from postprocess.evidence.vortex_pairs import broken, of_finger
 from postprocess.report.flow_figures import Flow
 from postprocess.report.picture_index import Album
-from postprocess.report.pinch_table import OF_GAP
 from postprocess.words import quantity
 
 _APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
@@ -40,51 +39,26 @@ def pinch_figures(
     `numbers` as `pinch_summary` returns them; `single`: vortices of the single finger by source;
     `absent`: why there are none.
     """
-    clock = flow.clock
-    pairs, lines, integrals, halves = (
+    clock, met = flow.clock, numbers["contact_time"]
+    pairs, lines, integrals = (
         {s: pd.read_csv(out / f"{name}_{s}.csv") for s in flow.planes}
-        for name in ("pairs", "centreline", "integrals", "halves")
+        for name in ("pairs", "centreline", "integrals")
     )
-    # Nearer than the approach the two regions meet.
-    pairs = {
-        s: table[clock.gap_at(table["time"].to_numpy()) >= APPROACH[1]]
-        for s, table in pairs.items()
-    }
-    met = numbers["contact_time"]
     _both_pairs(album, flow, integrals["cfd"])
-    alt = (
-        "Circulation of both pairs and of half the plane, the impulse of half the plane, and the"
-        " jet below the tips, over time."
-    )
+    free, gap = _free_gap(out / "kinematics.h5", clock.time), clock.gap_at(clock.time)
+    figure = draw_pinch.closing(clock.time, gap, free, integrals, lines, met)
+    alt = "Gap, circulation of both pairs, flow and pressure between the tips over time."
     caption = (
-        "Vortices: vorticity within half a tip's width of their centres. Half of the plane: that"
-        " farther than an eighth of the tip's width from a body."
+        "Dotted: contact. Good: the curves of CFD and PIV lie on each other."
+        " Vortices: vorticity within half a tip's width of their centres."
+        f" {_format_closing(met, clock.time, free)}{'' if single else f'Not shown: {absent}.'}"
     )
-    album.add(draw_pinch.integrals(integrals, halves, met), "integrals.svg", "pinch", alt, caption)
-    alt = "Imbalance of circulation, mirror distance and place of the two tip vortices over time."
-    caption = f"The table above has the RMS from {OF_GAP}."
-    album.add(draw_pinch.pair(pairs), "pair.svg", "pinch", alt, caption)
-    tips = flow.planes["cfd"]["tip"].values[..., 1].mean(axis=1)
-    alt = (
-        "Height of the line between the fingers at which the flow parts into up and down, and the"
-        " speeds of both streams."
-    )
-    caption = (
-        "No line is drawn where one of the two streams is slower than 2 % of the tips' peak speed."
-    )
-    figure = draw_pinch.centreline(lines, clock.time, tips, met)
-    album.add(figure, "centreline.svg", "pinch", alt, caption)
-    free = _free_gap(out / "kinematics.h5", clock.time)
-    gap = clock.gap_at(clock.time)
-    figure = draw_pinch.closing(clock.time, gap, free, lines["cfd"], met)
-    alt = "Gap, closing speed, pressure between the tips and jet speed over time."
-    caption = _format_closing(met, clock.time, free) + ("" if single else f"Not shown: {absent}.")
-    album.add(figure, "closing.svg", "pinch", alt, caption)
+    album.add(figure, "closing.svg", "pinch", alt, caption.strip())
     if not single:
         return
-    beside = {
-        s: broken(_with_bend(of_finger(table, 0), clock), "track") for s, table in pairs.items()
-    }
+    # Nearer than the approach the two regions meet.
+    apart = {s: t[clock.gap_at(t["time"].to_numpy()) >= APPROACH[1]] for s, t in pairs.items()}
+    beside = {s: broken(_with_bend(of_finger(t, 0), clock), "track") for s, t in apart.items()}
     alone = {s: _dominant(table) for s, table in single.items()}
     limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
     alt = (

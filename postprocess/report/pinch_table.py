@@ -48,12 +48,6 @@ _ROWS = (
         "m²/s",
     ),
     ("ventral pair: upward flow between, at its fastest", "ventral_rise_peak", "m/s"),
-    (f"half plane: circulation, {_LATER}", "half_circulation_after", "m²/s"),
-    (
-        f"half plane: vertical impulse per depth and density, {_LATER}",
-        "half_impulse_after",
-        "m³/s",
-    ),
     (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m"),
     ("downward jet at its fastest", "jet_peak", "m/s"),
     ("upward flow at its fastest", "rise_peak", "m/s"),

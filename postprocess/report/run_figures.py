@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.recording import open_recording_file
-from fileio.formats.records import HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
+from fileio.formats.records import POWER, POWER_TERMS, RUN
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
@@ -18,21 +18,13 @@ from postprocess.report.picture_index import Album
 from postprocess.report.wording import balance_sentence
 
 
-def solver_figures(album: Album, out: Path) -> None:
-    """Where the finger's work goes; the time step and the mesh."""
+def energy_figure(album: Album, out: Path) -> None:
+    """Where the finger's work goes."""
     terms = POWER_TERMS.read(out / "run/power_terms.csv")
     figure = draw_solver.energy(POWER.read(out / "run/power.csv"), terms)
     alt = "Work of the finger over time, and what it has become, stacked."
     caption = balance_sentence(RUN.read(out / "run/run.json")["power_balance"])
     album.add(figure, "energy.svg", "run", alt, caption)
-    history = HISTORY.read(out / "run/history.csv")
-    figure = draw_solver.numerics(history, MESH_QUALITY.read(out / "mesh_quality.csv"))
-    alt = "Courant number over time; non-orthogonality and skewness of the mesh over the bend."
-    caption = (
-        "Good: non-orthogonality below 65° and skewness below 4 at every bend, where OpenFOAM's"
-        " checkMesh begins to warn."
-    )
-    album.add(figure, "numerics.svg", "run", alt, caption)
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:
@@ -62,7 +54,7 @@ def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr
     caption = "The mesh in the laser sheet follows the finger; its layers at the wall stay."
     image = animation.drawn(draw_mesh.planform(shapes, at, lines, limits))
     animation.write_picture(image, album.folder / "planform.webp", quality=80)
-    album.add(None, "planform.webp", "mesh", alt, caption)
+    album.add(None, "planform.webp", "mesh", alt, caption, wide=True)
 
 
 def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:

@@ -49,8 +49,8 @@ def timeline(
     texts = [_values(panels, time) for time in flow.film_times()]
     alt = "Motion, circulation of the tip vortex, force and difference of PIV and CFD over time."
     caption = (
-        "Shaded: the middle of the stroke, over which PIV and CFD are compared. Bands hold 95 %."
-        " Good: the two curves of the circulation lie on each other."
+        "Shaded: the middle of the stroke. What lies outside it, or has a band (95 %) of more than"
+        " ±10 %, is not judged. Good: in it the two curves of the circulation lie on each other."
     )
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures

@@ -174,30 +174,31 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     out = [
         (quantity(scale, "m/s"), "peak speed of the tip", "the scale of every velocity difference")
     ]
+    window = "{:.3f} to {:.3f} s".format(*comparison["middle_of_stroke_s"])
     for source in ("cfd", "piv"):
         if source in summary:
             mean = summary[source]["circulation_mean"]
             sense = "clockwise" if mean < 0 else "counter-clockwise"
             # PIV may find the vortex at fewer instants: the two means are then of other times.
             remark = (
-                f"mean of {summary[source]['instants']} instants in the middle of the stroke;"
+                f"mean of {summary[source]['instants']} instants, {window};"
                 f" {sense}, {summary[source]['side'] or 'undecided'} side"
             )
             out.append((quantity(abs(mean), "m²/s"), f"tip vortex, {PAIRS[source]}", remark))
     if "piv-cfd" not in summary:
         return out
     pair = summary["piv-cfd"]
-    judged = f"at {_judged_at(pair)}"
+    judged = f"at {_judged_at(pair)} from {window}"
     for name, key, unit, where in (
         ("difference of circulation", "circulation_{}_difference", "fraction", judged),
-        ("distance of the centres", "centre_{}_distance", "m", "where both find it"),
+        ("distance of the centres", "centre_{}_distance", "m", f"where both find it, {window}"),
     ):
         if pair[key.format("rms")] is not None:
             worst = quantity(pair[key.format("max")], unit)
             remark = f"RMS {where}; worst instant {worst}"
             out.append((quantity(pair[key.format("rms")], unit), name, remark))
     value = quantity(pair["velocity_rms_difference_relative"], "fraction")
-    remark = "of the peak tip speed, over all vectors"
+    remark = f"of the peak tip speed, over all vectors, {window}"
     return [*out, (value, "velocity difference (RMS)", remark)]
 
 

@@ -11,12 +11,14 @@ import numpy as np
 import pandas as pd
 
 from fileio.formats.records import RUN
+from fileio.json_text import read_json
 from fileio.provenance import versions
+from fileio.record import REMEDY
 from pipeline.runs.stages import until
 from pipeline.scene.measurement import piv_settings, render_settings
 from postprocess.draw.style import save
 from postprocess.draw.tradeoff import error_over_cost
-from postprocess.evidence.stage_files import StageFiles, read_json
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.studies.errors import errors_against, own_errors
 from postprocess.studies.table import (
     files_of,
@@ -164,6 +166,6 @@ def write_tradeoff(path: Path, docs: Path = Path("docs")) -> None:
     folder = Path(plan["home"])
     best = finest(plan, {})
     table = _evaluate(plan, best, {})
-    probe = read_json(path.with_name("probe.json"))
+    probe = read_json(path.with_name("probe.json"), REMEDY)
     write_results(folder / "studies" / "results" / "tradeoff.csv", table, best, probe)
     save(error_over_cost(table), docs / "tradeoff" / f"{folder.name}.svg")

@@ -39,9 +39,10 @@ from tests.studies.pages import write_table
 from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
-COPIED = ("pair_dorsal.webp", "pair_ventral.webp", "integrals.svg", "pair.svg", "centreline.svg",
-          "closing.svg", "space_end.webp")  # fmt: skip
-GALLERY = {"single_finger": ("slices.webp", "pressure.png")}
+COPIED = {
+    "single_finger": ("space_end.webp", "slices.webp", "pressure.png"),
+    "pinch": ("pair_dorsal.webp", "pair_ventral.webp"),
+}
 
 
 def copy_figures(scene: str, level: str) -> None:
@@ -52,7 +53,7 @@ def copy_figures(scene: str, level: str) -> None:
     if not flow:
         raise StageError(f"{figures}: no flow_*.webp; run make {scene} LEVEL={level} first")
     _copy(flow[len(flow) // 2], DOCS / name)
-    for figure in (*COPIED, *GALLERY.get(scene, ())):
+    for figure in COPIED.get(scene, ()):
         if (figures / figure).exists():
             _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
 

@@ -20,6 +20,10 @@ const cursors = [...document.querySelectorAll("figure[data-axis]")].map(figure =
   return time => { line.style.left = 100 * (left + (time - first) / (last - first) * (right - left)) + "%"; };
 });
 
+// who has no pointer scrolls a wide figure by keys
+for (const figure of document.querySelectorAll("figure"))
+  if (figure.scrollWidth > figure.clientWidth) figure.tabIndex = 0;
+
 function show(index) {
   const time = data.times[index];
   slider.value = index;

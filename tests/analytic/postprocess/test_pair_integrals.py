@@ -8,7 +8,6 @@ import pytest
 
 from fileio.formats.plane_series import make_plane
 from piv.vortices.table import tabulate_vortices
-from postprocess.evidence import half_planes as halves
 from postprocess.evidence import pair_integrals as integrals
 
 WIDTH = 0.0167
@@ -94,44 +93,3 @@ def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
     assert integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH) == pytest.approx(
         forms
     )
-
-
-def test_circulation_and_impulse_of_an_exact_pair():
-    """Two vortices at ±b, far from the fingers: each half has Γ and the impulse −bΓ."""
-    x, y, circulation, core = -0.020, 0.150, -100e-4, 0.003
-    away = plane((x, y, circulation, core), spacing=0.001)
-    row = halves.half_planes(away).iloc[0]
-    # on a grid of r_c / 3; the sum over the grid keeps circulation and its first moment
-    assert row["circulation_0"] == pytest.approx(circulation, rel=2e-3)
-    assert row["circulation_1"] == pytest.approx(-circulation, rel=2e-3)
-    assert row["impulse_0"] == pytest.approx(-x * circulation, rel=5e-3)
-    assert row["impulse_0"] == pytest.approx(
-        row["impulse_1"], rel=1e-3
-    )  # nodes on the finger's edge
-    assert row["impulse_0"] < 0  # the flow between them is downward
-
-
-def test_speed_and_flux_of_a_jet_are_those_of_its_profile():
-    x, y = np.linspace(-0.05, 0.05, 201), np.linspace(0.10, 0.20, 101)
-    width = 0.008
-    v = np.broadcast_to(0.02 - 0.3 * np.exp(-((x / width) ** 2)), (y.size, x.size))
-    speed, flux = halves.jet_at(v, x, y, 0.1503)
-    edge = width * np.sqrt(np.log(15.0))  # where it turns upward
-    fine = np.linspace(-edge, edge, 20001)
-    assert speed == pytest.approx(0.28)
-    assert flux == pytest.approx(
-        np.trapezoid((0.02 - 0.3 * np.exp(-((fine / width) ** 2))) ** 2, fine), rel=1e-3
-    )
-    assert halves.jet_at(-v, x, y, 0.15) == (0.0, 0.0)
-    assert np.isnan(halves.jet_at(v, x, y, 0.25)).all()
-    hidden = np.where(np.abs(x) < 1e-3, np.nan, v)
-    assert np.isnan(halves.jet_at(hidden, x, y, 0.15)).all()
-
-
-def test_the_jet_is_measured_below_the_tips_where_they_are_nearest():
-    table = halves.half_planes(plane(DORSAL))
-    speed, _ = halves.names_at(halves.BELOW[0])
-    x, y, circulation, core = DORSAL
-    r2 = x**2 + (0.18 - halves.BELOW[0] - y) ** 2
-    expected = 2 * -circulation * -x / (2 * np.pi * r2) * -np.expm1(-r2 / core**2)
-    assert table[speed].item() == pytest.approx(expected, rel=1e-3)

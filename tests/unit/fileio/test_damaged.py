@@ -1,11 +1,9 @@
 """Damage by a power cut, a full disk or a defect is named with file, place and remedy."""
 
-import json
 import shutil
 import struct
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from fileio.errors import StageError
@@ -18,12 +16,7 @@ from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
 from pipeline.run.checkpoint import STATE, first_damaged, prepared_for
 from pipeline.run.solver import PROGRESS, has_ended, read_progress
 from piv.images.open_recording import open_recording
-from postprocess.evidence.check_finite import (
-    check_finger,
-    check_table,
-    checked_frame,
-    first_not_finite,
-)
+from postprocess.evidence.fields import frame
 
 
 @pytest.mark.parametrize(
@@ -129,30 +122,10 @@ def test_recorders_of_different_rates_are_no_damage(tmp_path):
     assert first_damaged(tmp_path) == pytest.approx(0.5)
 
 
-def test_a_number_that_is_none_is_told_by_quantity_and_instant(tmp_path):
-    time, axis = np.array([0.0, 0.1, 0.2]), np.arange(4.0)
-    zero = np.zeros((3, 4, 4))
-    plane = make_plane(
-        axis, axis, zero, zero, time=time, tip=np.zeros((3, 1, 2)), bend=np.zeros((3, 1))
-    )
-    check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
-    plane["bend"][2, 0] = np.nan
-    with pytest.raises(ValueError, match=r"sheet\.h5: bend at 0\.2 s \(frame 2\) is no number"):
-        check_finger(plane, ("tip", "bend"), tmp_path / "sheet.h5")
+def test_a_vector_that_is_no_number_is_told_by_its_instant():
+    axis, zero = np.arange(4.0), np.zeros((3, 4, 4))
+    plane = make_plane(axis, axis, zero, zero, time=np.array([0.0, 0.1, 0.2]))
     plane["u"][1, 2, 2] = np.inf
-    checked_frame(plane, 0)
+    frame(plane, 0)
     with pytest.raises(ValueError, match=r"frame 1: .* at 0\.1 s .*not finite"):
-        checked_frame(plane, 1)
-    table = pd.DataFrame({"time": time, "track": [1, 1, 2], "circulation": [1.0, 2.0, np.nan]})
-    with pytest.raises(ValueError, match=r"v\.csv: circulation of track 2 at 0\.2 s is no number"):
-        check_table(table, ("time", "circulation"), tmp_path / "v.csv")
-
-
-def test_the_place_of_a_number_that_is_none():
-    document = {
-        "checks": [{"measured": {"piv": 1.0}}, {"measured": {"piv": (2.0, float("inf"))}}],
-        "note": "nan",
-    }
-    assert first_not_finite(document) == "checks[1].measured.piv[1]"
-    assert first_not_finite({"summary": {"cfd": np.float64("nan")}}) == "summary.cfd"
-    assert first_not_finite(json.loads('{"a": [1, 2, null, true, "x"]}')) is None
+        frame(plane, 1)

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 
 from fileio.formats.plane_series import make_plane
-from postprocess.draw import pinch
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
 from postprocess.draw.style import new_figure
 from postprocess.draw.tradeoff import label_points
@@ -29,18 +28,6 @@ def test_names_of_crowded_points_do_not_cover_each_other():
     assert len(boxes) == 5
     assert not [(i, j) for i in range(5) for j in range(i) if boxes[i].overlaps(boxes[j])]
     assert all(box.x1 < axis.bbox.x1 for box in boxes)
-
-
-def test_a_wrong_pair_does_not_set_the_scale():
-    time = np.linspace(0.1, 0.3, 60)
-    table = pd.DataFrame(
-        {"time": time, "imbalance": 0.01, "mirror_distance": 2e-4, "track_0": 1, "track_1": 1}
-    )
-    for name in ("along_tip", "across_tip"):
-        table[f"{name}_0"] = table[f"{name}_1"] = 1e-3
-    table.loc[30, "mirror_distance"] = 36e-3
-    figure = pinch.pair({"piv": table})
-    assert figure.axes[1].get_ylim()[1] < 1  # mm
 
 
 def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():

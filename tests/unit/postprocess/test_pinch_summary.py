@@ -25,9 +25,7 @@ def pair_at(times, circulation):
 def numbers(there, circulation=1e-3):
     gap = np.maximum(RESIDUAL + 0.1 * (MET - TIMES), RESIDUAL)
     clock = Clock(TIMES, TIMES, TIMES, gap, RESIDUAL)
-    columns = ["circulation_0", "circulation_1", "impulse_0", "impulse_1"]
-    halves = pd.DataFrame({"time": TIMES} | dict.fromkeys(columns, 0.0))
-    return integral_numbers(pair_at(TIMES[there], circulation), halves, clock, MET, 0.0167)
+    return integral_numbers(TIMES, pair_at(TIMES[there], circulation), clock, MET, 0.0167)
 
 
 def test_a_pair_of_the_opening_stroke_is_not_that_of_closing():
