@@ -76,7 +76,9 @@ def run(
     dry_run
         Print what would be made and why; make nothing.
     """
+    from pipeline.runs.estimate import duration, estimate
     from pipeline.runs.make import Machine, make
+    from pipeline.scene.predicted import predicted
 
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
@@ -101,9 +103,15 @@ def run(
         made = _coupled(scene, level) if coupled else _open(scene, level, set_, name)
         if dry_run:
             made.check(until)
-            print(
-                "\n".join(f"{k}: {why}" for k, why in made.stale(until).items()) or "nothing to do"
-            )
+            stale = made.stale(until)
+            for stage, why in stale.items():
+                print(f"{stage}: {why}")
+            seconds = sum(estimate(made, stage)[0] for stage in stale)
+            print(f"about {duration(seconds)} of CPU time" if stale else "nothing to do")
+            if "run" in stale:
+                size = predicted(made.scene)
+                cells, disk = f"{size.cells:.1g} cells", f"{size.disk / 1e9:.1g} GB of disk"
+                print(f"the flow: about {cells}, {size.steps:.0f} steps, {disk}")
             return
         make(made, until, machine, quiet)
     if until == "report" and not quiet:
