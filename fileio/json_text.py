@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,12 @@ def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = d
 
 
 def plain(value: Any) -> Any:
-    """NumPy numbers and arrays as values of JSON, anything else as text."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+    """NumPy numbers and arrays, dates and paths as values of JSON; TypeError for others."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path | date):
+        return str(value)
+    raise TypeError(f"{value!r} is no value of JSON")
 
 
 def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from fileio.errors import StageError
+from fileio.json_text import plain
 
 
 def digest(value: Any) -> str:
     """Short SHA-256 of a JSON-able value."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    text = json.dumps(value, sort_keys=True, default=plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache

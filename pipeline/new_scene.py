@@ -201,7 +201,6 @@ end_time = {end}  # s: when the smoothed pressure has arrived
 def advice(scene: Scene) -> str:
     """What to do next, with predicted times and sizes; nothing has been analysed yet."""
     folder = scene.folder
-    in_cases = command("fea", folder).startswith("make")
     runs = [open_run(folder, level) for level in _LEVELS]
     lines = [
         f"{folder / 'scene.toml'}: look at what it assumes, then",
@@ -210,10 +209,9 @@ def advice(scene: Scene) -> str:
     for level, run in zip(_LEVELS, runs, strict=True):
         size = predicted(run.scene)
         seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
-        made = f"make {folder.name} LEVEL={level}"
-        made = made if in_cases else f"softfinger run {folder} --level {level}"
         lines.append(
-            f"{made:40s} about {duration(seconds)}, {size.cells:.1g} cells,"
+            f"{command('run', folder, level):40s} about {duration(seconds)},"
+            f" {size.cells:.1g} cells,"
             f" {size.disk / 1e9:.1g} GB of disk{', 2-D: to try' if level == 'smoke' else ''}"
         )
     return "\n".join(lines)

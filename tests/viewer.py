@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import socket
@@ -19,16 +20,7 @@ def serving(*words) -> Iterator[str]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     server = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "piv",
-            "view",
-            *map(str, words),
-            "--no-browser",
-            "--port",
-            str(port),
-        ],
+        [sys.executable, "-m", "piv", "view", *map(str, words), "--no-browser", f"--port={port}"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -49,20 +41,14 @@ def serving(*words) -> Iterator[str]:
     assert server.returncode == 130
 
 
-def ready(browser, seconds=90):
-    end = time.monotonic() + seconds
-    while not browser.run("return viewer.ready()"):
-        assert time.monotonic() < end, browser.run("return $('status').textContent")
-        time.sleep(0.1)
+def ready(browser):
+    browser.until("viewer.ready()")
 
 
-def until(browser, name, words, seconds=90):
+def until(browser, name, words):
     """Wait until the element of this name holds the words; returns all that it holds."""
-    end = time.monotonic() + seconds
-    while words not in (text := browser.run(f"return $('{name}').textContent")):
-        assert time.monotonic() < end, f"{words!r} is not in {text!r}"
-        time.sleep(0.1)
-    return text
+    browser.until(f"$('{name}').textContent.includes({json.dumps(words)})")
+    return browser.run(f"return $('{name}').textContent")
 
 
 def mouse(browser, kind, x, y, clicks=1):

@@ -93,6 +93,13 @@ class Browser:
         """Value of a piece of JavaScript with `return`."""
         return self._call("POST", f"{self.session}/execute/sync", {"script": script, "args": []})
 
+    def until(self, condition: str, seconds: float = 90.0) -> None:
+        """Wait until an expression of JavaScript is true; AssertionError where it never is."""
+        end = time.monotonic() + seconds
+        while not self.run(f"return {condition}"):
+            assert time.monotonic() < end, f"never true: {condition}"
+            time.sleep(0.05)
+
     def element(self, css: str) -> str:
         answer = self._call(
             "POST", f"{self.session}/element", {"using": "css selector", "value": css}

@@ -10,9 +10,8 @@ import numpy as np
 from fileio.child_process import worker_pool
 from fileio.formats.bending_states import BendingStates, FloatArray
 from pipeline.fea.analyse import bend
-from pipeline.fea.settings import Actuator, Fea, Material
+from pipeline.fea.settings import UNCERTAIN_AT_KPA, Actuator, Fea, Material
 
-_PRESSURES_KPA = np.array([-40.0, -30, -20, -15, -10, -5, 5, 10, 15, 20, 30, 40])
 _PRESSURE_STD_PA = 200.0 / np.sqrt(3)  # the sensor's ±0.2 kPa, as limits of an even distribution
 _SENSOR = "pressure ± 0.2 kPa"
 
@@ -102,9 +101,9 @@ def with_uncertainty(
 
     The curvature is varied, as R is infinite at rest: std(R) = R² std(1/R).
     """
-    ends = np.array([fea.first_pressure_kpa, fea.last_pressure_kpa])
-    within = _PRESSURES_KPA[(ends[0] < _PRESSURES_KPA) & (ends[1] > _PRESSURES_KPA)]
-    inside = 1e3 * np.union1d(within, ends[ends != 0])
+    low, high = fea.first_pressure_kpa, fea.last_pressure_kpa
+    within = {at for at in UNCERTAIN_AT_KPA if low < at < high} | {low, high} - {0.0}
+    inside = 1e3 * np.array(sorted(within))
     both = _shares(actuator, fea, inside, processes, done)
     slope = np.abs(np.gradient(1 / states.radius, states.pressure))
     sensor = np.interp(inside, states.pressure, slope * _PRESSURE_STD_PA)

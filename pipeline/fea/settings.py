@@ -13,8 +13,10 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 # m; an actuator of a metre is millimetres misread
 Length = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
-Elements = Annotated[Count, Field(le=20)]  # along one dimension
+_Elements = Annotated[Count, Field(le=20)]  # along one dimension
 _MOST_STATES = 1000
+# at which six more analyses find the uncertainty
+UNCERTAIN_AT_KPA = (-40.0, -30.0, -20.0, -15.0, -10.0, -5.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
 
 
 class _Frozen(BaseModel):
@@ -45,7 +47,7 @@ class Material(_Frozen):
         return value
 
 
-class Materials(_Frozen):
+class _Materials(_Frozen):
     upper: Material
     """Of the chambers"""
     lower: Material
@@ -79,7 +81,7 @@ class Actuator(_Frozen):
     """Above the cavity and above the air channel; not given by the paper [m]"""
     channel: Length
     """Height of the air channel between chambers; not given by the paper [m]"""
-    materials: Materials
+    materials: _Materials
     """Of the two layers"""
 
     @model_validator(mode="after")
@@ -119,21 +121,21 @@ class Actuator(_Frozen):
 class UnitCellMesh(_Frozen):
     """Numbers of second-order elements of the unit cell over each dimension."""
 
-    cavity: Elements = 2
+    cavity: _Elements = 2
     """Elements over half the cavity's length"""
-    wall: Elements = 1
+    wall: _Elements = 1
     """Elements over l1, b1 and roof"""
-    gap: Elements = 1
+    gap: _Elements = 1
     """Elements over half the gap"""
-    base: Elements = 1
+    base: _Elements = 1
     """Elements over b2"""
-    bridge: Elements = 1
+    bridge: _Elements = 1
     """Elements over the air channel and its roof"""
-    side: Elements = 2
+    side: _Elements = 2
     """Elements from the bridge up to h2"""
-    wedge: Elements = 1
+    wedge: _Elements = 1
     """Elements from h2 up to h1"""
-    span: Elements = 3
+    span: _Elements = 3
     """Elements over half the cavity's width"""
 
     def refined(self, factor: float) -> UnitCellMesh:
@@ -143,7 +145,7 @@ class UnitCellMesh(_Frozen):
         )
 
 
-Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+_Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
 class Import(_Frozen):
@@ -153,9 +155,9 @@ class Import(_Frozen):
     """.csv, .pvd, .vtu or .xdmf, relative to the scene"""
     unit: Literal["m", "mm"] = "m"
     """Of the file's lengths"""
-    along: Axis = "x"
+    along: _Axis = "x"
     """Axis from the root to the tip"""
-    ventral: Axis = "y"
+    ventral: _Axis = "y"
     """Axis from the chambers to the lower layer"""
     sheet: float = 0.0
     """The plane across in which the profile is taken [m]"""

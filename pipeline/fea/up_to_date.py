@@ -70,8 +70,6 @@ def _inputs(actuator: dict[str, Any], fea: dict[str, Any]) -> dict[str, Any]:
     if fea.get("engine") == "import":
         actuator = {"width": actuator.get("width")}
         fea = {key: value for key, value in fea.items() if key in ("engine", "results")}
-    else:
-        fea.pop("solid_mesh" if fea.get("engine") == "unit_cell" else "mesh", None)
     return {
         key: value
         for key, value in flat({"actuator": actuator, "fea": fea}).items()

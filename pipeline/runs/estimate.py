@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from fileio.record import read_record
 from pipeline.fea.sections import sections
+from pipeline.fea.settings import UNCERTAIN_AT_KPA
 from pipeline.runs.run import Run
 from pipeline.runs.stages import BY_NAME, FEA
 from pipeline.scene.predicted import predicted
 
-_SCALE = {
-    "smoke": 0.25,
-    "draft": 0.5,
-    "medium": 2.0,
-    "fine": 4.0,
-    "reference": 8.0,
-}  # relative to coarse
-_UNCERTAIN_STATES = 72  # of fea.uncertainty: six analyses at twelve pressures
+# relative to coarse
+_SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}
 
 
 def estimate(run: Run, stage: str) -> tuple[float, float]:
@@ -26,8 +21,8 @@ def estimate(run: Run, stage: str) -> tuple[float, float]:
     seconds, memory = BY_NAME[stage].cost
     if stage == FEA.name:
         fea = sections(run.scene)[1]
-        uncertain = fea.uncertainty and fea.engine == "unit_cell"
-        return seconds * (len(fea.pressures) + _UNCERTAIN_STATES * uncertain), memory
+        more = 6 * len(UNCERTAIN_AT_KPA) if fea.uncertainty and fea.engine == "unit_cell" else 0
+        return seconds * (len(fea.pressures) + more), memory
     scale = _SCALE.get(run.scene.level, 1.0)
     if BY_NAME[stage].ranks:
         size = predicted(run.scene)

@@ -27,11 +27,13 @@ _MOVING = {"tank", "finger", "motion", "actuator", "pinch"}
 OWN_STATES = "kinematics/states.h5"  # of make fea: in a scene's folder they replace a parent's
 
 
-def command(name: str, folder: Path) -> str:
+def command(name: str, folder: Path, level: str = "") -> str:
     """A command on a scene: make's where the folder lies in cases/, else the program's."""
-    if folder.resolve().parent == Path("cases").resolve():
-        return f"make {name} SCENE={folder.resolve().name}"
-    return f"softfinger {name} {folder}"
+    scene = folder.resolve()
+    if scene.parent == Path("cases").resolve():
+        words = f"make {scene.name}" if name == "run" else f"make {name} SCENE={scene.name}"
+        return f"{words} LEVEL={level}" if level else words
+    return f"softfinger {name} {folder}" + (f" --level {level}" if level else "")
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

@@ -65,11 +65,12 @@ def results_of(scene: Scene) -> tuple[Path, str]:
             )
         why = f"those of {home.resolve().name} are of another motion ({', '.join(apart)})"
     try:
-        cost = f", about {duration(_study_time(scene))} of CPU time"
+        time = duration(_study_time(scene))
     except StageError as error:  # no table of runs, or a level of it is not this scene's
-        cost = f": {error}"
+        raise StageError(f"{scene.folder}: {why}; {error}") from None
     raise StageError(
-        f"{scene.folder}: {why}; measure its own with {command('tradeoff', scene.folder)}{cost}"
+        f"{scene.folder}: {why}; measure its own with {command('tradeoff', scene.folder)}, about"
+        f" {time} of CPU time"
     )
 
 

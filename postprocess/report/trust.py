@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.scene.read_toml import command
 from postprocess.words import NBSP, quantity
 
 _ERRORS = {
@@ -26,7 +27,7 @@ def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
     """
     unknown = (
         f"Level {level}: its numerical error was not measured for this scene"
-        f" (make tradeoff SCENE={scenes[0].resolve().name} measures it)."
+        f" ({command('tradeoff', scenes[0])} measures it)."
     )
     for folder in scenes:
         path = folder / "studies" / "results" / "tradeoff.csv"

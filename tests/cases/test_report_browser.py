@@ -105,14 +105,6 @@ def colour_scheme(browser, scheme):
     browser.devtools("Emulation.setEmulatedMedia", features=features)
 
 
-def until(condition):
-    """Wait up to five seconds for a condition."""
-    for _ in range(100):
-        if condition():
-            return
-        time.sleep(0.05)
-
-
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     with Browser(tmp_path_factory.mktemp("profile")) as started:
@@ -197,8 +189,7 @@ def test_play_and_pause(browser):
     browser.click("#play")
     button = "document.getElementById('play')"
     assert browser.run(f"return {button}.getAttribute('aria-pressed')") == "true"
-    until(lambda: shown(browser)[0] != start)
-    assert shown(browser)[0] != start
+    browser.until(f"document.getElementById('shown').textContent != {json.dumps(start)}")
     browser.click("#play")
     assert browser.run(f"return {button}.textContent") == "Play"
     paused = shown(browser)[0]
@@ -208,7 +199,7 @@ def test_play_and_pause(browser):
 
 def test_the_film_can_be_decoded(browser):
     video = "document.querySelector('video')"
-    until(lambda: browser.run(f"return {video}.readyState") >= 1)
+    browser.until(f"{video}.readyState >= 1")
     assert browser.run(f"return {video}.videoWidth") > 0
     length = browser.run(f"return {video}.duration || 0")
     # a container rounds to its time base

@@ -71,7 +71,7 @@ def test_smoke_is_a_trial_also_of_a_scene_that_extends_the_measured_one(scene, t
 
 def test_an_error_that_was_not_measured_is_said(scene):
     sentence, trial = level_error([scene], "medium")
-    assert "was not measured for this scene (make tradeoff SCENE=finger" in sentence
+    assert f"was not measured for this scene (softfinger tradeoff {scene} measures it" in sentence
     assert trial == ""
 
 
