@@ -99,7 +99,7 @@ STAGES = (
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",
         ("piv",), ("pressure.h5",), {"fluid": {"density", "kinematic_viscosity"}},
-        piv=True, cost=(42, 500),
+        version=2, piv=True, cost=(24, 600),
     ),
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,27 +13,20 @@ from scipy.ndimage import gaussian_filter
 
 from fileio.formats.plane_series import AXES, UNITS, VECTORS, Planes, usable
 from fileio.formats.recording import window_of
-from piv.momentum.acceleration import REACH, Flow, acceleration, time_weights
+from piv.momentum.acceleration import REACHES, Field, Flow, acceleration, time_slope
 from piv.momentum.integrate import Integral, Links, links
 from piv.momentum.outline import Shore, loads, wall_gradients
 from piv.vortices.criteria import gradients
 
 WATER = 998.2, 1.004e-6  # kg/m³ and m²/s at 20 °C
 SAMPLES = 12  # of errors, which give standard uncertainties to a fifth
+WINDOW = 2.0  # grid steps, where the series does not state it: that of an overlap of a half
 MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
 SHARE = 0.04  # of the pressure, chosen: what windows take without a trace
-_FIELDS = 2 * REACH + 1
+_FIELDS = 2 * REACHES[-1] + 1
 _ROUNDS = 6  # of the fit of two variances, which then stands still
 LEAST = 1e-6  # m/s: no vector is better known
 REFERENCE = "mean over the edge of the view is 0"
-
-
-class _Field(NamedTuple):
-    """Vectors of one instant: (component, y, x) m/s, 0 where `ok` is not; their uncertainty."""
-
-    velocity: ndarray
-    std: ndarray
-    ok: ndarray
 
 
 def pressure(
@@ -117,7 +110,7 @@ class Balance:
         self._about = np.asarray(about, dtype=float)
         self._x, self._y, self._times = (series[name].values for name in ("x", "y", "time"))
         self._steps = float(np.diff(self._x[:2])[0]), float(np.diff(self._y[:2])[0])
-        self._window = window_of(series) / self._steps[0]  # grid steps
+        self._window = window_of(series) / self._steps[0] or WINDOW
         shape = (2, SAMPLES, len(self._y), len(self._x))
         self._unit_errors = _errors(0, shape, MODEL_LENGTH)
         self._fields = lru_cache(maxsize=_FIELDS)(partial(_field, planes))
@@ -130,18 +123,11 @@ class Balance:
 
     def at(self, k: int) -> dict[str, ndarray]:
         """What `pressures` gives of instant `k`."""
-        low = int(np.clip(k - REACH, 0, max(0, len(self._times) - _FIELDS)))
-        numbers = range(low, min(len(self._times), low + _FIELDS))
-        near, now = [self._fields(j) for j in numbers], self._fields(k)
-        present = np.stack([one.ok for one in near]) & now.ok
-        velocity, noise = (np.stack([one[part] for one in near], axis=1) for part in (0, 1))
-        weights, lack = time_weights(
-            self._times[numbers], k - low, present, velocity, noise, max(2.0, self._window)
-        )
+        now, noises = self._fields(k), self._noises
+        slope = time_slope(self._times, k, self._fields, self._window)
         (u, v), (dx, dy) = now.velocity, self._steps
         flow = Flow(u, v, now.ok, dx, dy, self._viscosity)
-        slopes = np.einsum("fyx,cfyx->cyx", weights, velocity)
-        rates = acceleration(flow, slopes, u, v)
+        rates = acceleration(flow, slope.value, u, v)
         good = now.ok & np.isfinite(rates).all(axis=0)
         if good.sum() < 2:
             raise ValueError(f"no pressure at {self._times[k]:g} s: too few usable vectors")
@@ -149,15 +135,16 @@ class Balance:
         reach = -self._density * net.steps  # from accelerations to differences of pressure
         g = gradients(u, v, now.ok, dx, dy, "fourth-order")
         strain = _near(sum(np.square(part) for part in g), good)
-        own = np.einsum("fyx,cfyx->yx", weights**2, np.square(noise))
-        own += np.square(now.std).sum(axis=0) * ((u / dx) ** 2 + (v / dy) ** 2 + strain)
+        own = slope.variance + np.square(now.std).sum(axis=0) * (
+            (u / dx) ** 2 + (v / dy) ** 2 + strain
+        )
         parts = [reach**2 * net.middle(part) for part in (own, strain)]
         fit = _weighted(net, reach * net.middle(*rates), parts)
         p, off = fit(reach * net.middle(*rates))
 
-        du, dv = self._noises(k).swapaxes(0, 1)
-        taken = [(j, w) for j, w in zip(numbers, weights, strict=True) if w.any()]
-        of_slopes = sum(w * self._noises(j) for j, w in taken).swapaxes(0, 1)
+        du, dv = noises(k).swapaxes(0, 1)
+        of_slopes = sum(w * noises(j) for j, w in zip(slope.near, slope.weights, strict=True))
+        of_slopes = of_slopes.swapaxes(0, 1)
         of_noise = acceleration(flow, of_slopes, du, dv)
         of_noise += np.stack([du * g.dudx + dv * g.dudy, du * g.dvdx + dv * g.dvdy])
         kinds = of_noise, self._unit_errors * np.sqrt(strain)
@@ -168,7 +155,7 @@ class Balance:
             [part / fit.variance**2 for part in parts],
         )
         known = [np.sqrt(s / SAMPLES) * e for s, e in zip(shares, errors, strict=True)]
-        scaled = np.concatenate([*known, fit(reach * net.middle(*lack))[0][None]])
+        scaled = np.concatenate([*known, fit(reach * net.middle(*slope.lack))[0][None]])
         border = border_of(net.points)[net.points]
         p, scaled = (q - q[..., border].mean(axis=-1, keepdims=True) for q in (p, scaled))
         found = {"p": net.grid(p), "p_std": net.grid(_std(scaled, p))}
@@ -203,7 +190,7 @@ def _check(series: xr.Dataset, density: float, viscosity: float) -> None:
             raise ValueError(f"{name} = {value:g}: give a positive number")
 
 
-def _field(planes: Planes, k: int) -> _Field:
+def _field(planes: Planes, k: int) -> Field:
     plane, series = planes[k], planes.series
     ok, velocity = usable(plane).values, _velocity(plane)
     ok = ok & np.isfinite(velocity).all(axis=0)
@@ -212,7 +199,7 @@ def _field(planes: Planes, k: int) -> _Field:
     else:
         std = np.broadcast_to(scatter(series, k)[:, None, None], velocity.shape)
     ok = ok & np.isfinite(std).all(axis=0)
-    return _Field(np.where(ok, velocity, 0.0), np.where(ok, np.maximum(std, LEAST), 0.0), ok)
+    return Field(np.where(ok, velocity, 0.0), np.where(ok, np.maximum(std, LEAST), 0.0), ok)
 
 
 def _velocity(plane: xr.Dataset) -> ndarray:
@@ -236,8 +223,6 @@ def scatter(series: xr.Dataset, k: int) -> ndarray:
 def _errors(seed: int, shape: tuple[int, ...], length: float) -> ndarray:
     """Random fields of unit variance, correlated over d grid steps by exp(-2 (d/length)²)."""
     white = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)
-    if length <= 0:
-        return white
     sigma = length / np.sqrt(8)
     smooth = gaussian_filter(white, (0,) * (len(shape) - 2) + (sigma, sigma), mode="wrap")
     return smooth / np.sqrt(np.mean(smooth**2, axis=(-2, -1), keepdims=True))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.ndimage import gaussian_filter
 from scipy.special import exp1
 
 import piv
@@ -26,12 +27,20 @@ RADIUS, AMPLITUDE, OMEGA = (
 ABOUT = (0.0, 0.02)  # m
 
 
+WINDOW = 1  # grid steps: of one, errors are independent
+
+
 def noisy(u, v, ok, noise: float, seed: int, **more) -> xr.Dataset:
-    """A series with normal errors of size `noise` (m/s)."""
+    """A series with normal errors of size `noise` (m/s), which neighbours in a window share."""
     rng = np.random.default_rng(seed)
-    u, v = (np.where(ok, f + noise * rng.standard_normal(f.shape), np.nan) for f in (u, v))
+    errors = [rng.standard_normal(f.shape) for f in (u, v)]
+    if WINDOW > 1:
+        width = (0, WINDOW / np.sqrt(8), WINDOW / np.sqrt(8))
+        errors = [(e := gaussian_filter(f, width, mode="wrap")) / e.std() for f in errors]
+    u, v = (np.where(ok, f + noise * e, np.nan) for f, e in zip((u, v), errors, strict=True))
     std = np.full(u.shape, noise)
-    return make_plane(GRID, GRID, u, v, time=TIMES, valid=ok, u_std=std, v_std=std, **more)
+    made = make_plane(GRID, GRID, u, v, time=TIMES, valid=ok, u_std=std, v_std=std, **more)
+    return made.assign_attrs(settings=f'{{"window": {8 * WINDOW}}}', scale_mm_per_px=0.125)
 
 
 def vortex(seed: int) -> tuple[xr.Dataset, np.ndarray]:
@@ -97,6 +106,22 @@ def test_pressure_of_an_exact_flow_with_noise(flow: Callable) -> None:
         covered.append(np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]))
     assert max(errors) < 0.05  # 2.8 and 2.7 % here; 5 % is what a user is promised
     assert np.mean(covered) > 0.88  # too wide is no fault here: a share of p is systematic
+
+
+@pytest.mark.parametrize("flow", [vortex, cylinder])
+def test_errors_that_neighbours_share_at_a_high_rate(flow: Callable, monkeypatch) -> None:
+    """At 1 kHz noise of 1 % is averaged over many fields: it was 95 % of p and more."""
+    for name, value in (("WINDOW", 4), ("TIMES", np.arange(33) * 1e-3), ("MIDDLE", 16)):
+        monkeypatch.setitem(globals(), name, value)
+    for seed in (77, 78):
+        series, exact = flow(seed)
+        found = Balance(series, RHO, 0.0 if flow is cylinder else 1.004e-6, ABOUT).at(MIDDLE)
+        off = found["p"] - exact
+        off = off - np.nanmean(off[[0, -1]])
+        # 12 %: 2.5 to 11 % in 12 flows drawn beside these
+        assert np.nanstd(off) < 0.12 * np.nanstd(exact)
+        known = np.isfinite(off)
+        assert np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]) > 0.8
 
 
 def test_loads_on_an_oscillating_cylinder() -> None:
