@@ -10,6 +10,7 @@ from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.evidence import Part, Quantity
 from postprocess.evidence.pair_integrals import DORSAL, VENTRAL, formed, pair_of, vortex_of
+from postprocess.words import quantity
 
 
 def _of_pair(part: Part, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
@@ -152,7 +153,7 @@ PINCH_QUANTITIES: dict[str, Quantity] = {
         lambda p: tracks.rms(_known_pairs(p)["imbalance"]),
         "fraction",
         "RMS of |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|, where both are known to"
-        f" {tracks.KNOWN:.0%}",
+        f" {quantity(tracks.KNOWN, 'fraction')}",
         lambda p: (len(_known_pairs(p)), len(_paired_tips(p))),
     ),
     "pair_mirror_distance": Quantity(

@@ -47,7 +47,7 @@ def _source_numbers(
     approach = lines[(gap <= APPROACH[0]) & (gap >= APPROACH[1])]["time"]
     out: _Numbers = {}
     columns = {"jet": "jet_speed", "rise": "rise_speed"}
-    for name in ("jet", "rise", "pressure_gap", "pressure_tip_max", "pressure_tip_min"):
+    for name in ("jet", "rise", "pressure_gap"):
         column = columns.get(name, name)
         if column not in lines or lines[column].isna().all():
             continue

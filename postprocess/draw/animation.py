@@ -21,12 +21,6 @@ def pixels(figure: Figure) -> np.ndarray:
     return np.ascontiguousarray(image)
 
 
-def drawn(figure: Figure) -> np.ndarray:
-    """The figure drawn anew, as `pixels`."""
-    figure.canvas.draw()
-    return pixels(figure)
-
-
 def write_picture(image: np.ndarray, path: Path, **more: int) -> None:
     """Write an image (grey or RGB bytes) in the format of its suffix; `more` as Pillow takes it."""
     content = io.BytesIO()

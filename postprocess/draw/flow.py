@@ -111,9 +111,10 @@ def flow_figure(
     tables: dict[str, pd.DataFrame] | None = None,
     dpi: float = 100,
     panel: float = 5.0,
+    rows: int = 1,
     fixed: Sequence[np.ndarray] = (),
 ) -> Callable[[float], np.ndarray]:
-    """Draws one panel per source; the function returned gives the image of an instant (s).
+    """Draws a panel per source in `rows`; the function returned gives the image of an instant (s).
 
     `vortices`: by source each finger's tip vortex over time; `scale`: velocity scale, m/s;
     `limit`: of the vorticity, 1/s; `view`: x0, x1, y0, y1 in m; `panel`: width of a panel,
@@ -121,22 +122,26 @@ def flow_figure(
     coloured by its speed over the scale. `fixed`: outlines (point, 2) of obstacles, m.
     """
     x0, x1, y0, y1 = view
-    height = panel * (y1 - y0) / (x1 - x0) + 0.85
-    more: dict[str, Any] = {"dpi": dpi, "sharey": True, "squeeze": False}
-    figure, axes = new_figure(panel * len(planes) + EDGES, height, 1, len(planes), **more)
+    columns = len(planes) // rows
+    height = rows * (panel * (y1 - y0) / (x1 - x0) + 0.35) + 0.5
+    more: dict[str, Any] = {"dpi": dpi, "sharex": True, "sharey": True, "squeeze": False}
+    figure, axes = new_figure(panel * columns + EDGES, height, rows, columns, **more)
     updates = []
-    for ax, (source, plane) in zip(axes[0], planes.items(), strict=True):
+    for ax, (source, plane) in zip(axes.flat, planes.items(), strict=True):
         table, tracks = (tables or {}).get(source), vortices.get(source, [])
         top = None if source == "difference" else limit
         shade, moving, update = _panel(ax, plane, tracks, table, scale, top)
         for outline in fixed:
             ax.fill(*(outline.T * MM), color=GREY)
-        ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal", xlabel="x, mm")
+        ax.set(xlim=(x0 * MM, x1 * MM), ylim=(y0 * MM, y1 * MM), aspect="equal")
         moving.append(ax.text(0, 1.015, "", transform=ax.transAxes, weight="bold", size=11))
         ax.grid(False)
         updates.append((ax, source, plane, moving, update))
-    axes[0, 0].set_ylabel("y, mm")
-    bar = figure.colorbar(shade, ax=list(axes[0]), shrink=0.85, pad=0.01, aspect=30)
+    for ax in axes[-1]:
+        ax.set_xlabel("x, mm")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y, mm")
+    bar = figure.colorbar(shade, ax=list(axes.flat), shrink=0.85, pad=0.01, aspect=30)
     strays = list(planes) == ["difference"]
     bar.set_label("speed of the difference, % of peak tip speed" if strays else
                   "vorticity, 1/s (purple: clockwise)")  # fmt: skip

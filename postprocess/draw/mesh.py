@@ -7,8 +7,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from postprocess.draw.style import INK, MM, WIDTH, new_figure
+from postprocess.words import minus
 
-_NAMES = ("start", "middle", "end")
+_NAMES = ("at rest", "half-way", "farthest")
 
 
 def edges(cells: list[np.ndarray]) -> np.ndarray:
@@ -32,7 +33,8 @@ def planform(
         ax.add_collection(LineCollection(ends[near], colors=INK, linewidths=0.25, rasterized=True))
         low, high = np.array(limits[:2]) * MM, np.array(limits[2:]) * MM
         ax.set(xlim=low, ylim=high, aspect="equal")
-        ax.set(xlabel="x, mm", title=f"{name}, bent by {bend:.0f}°" if np.any(bend_deg) else name)
+        turned = f", bent by {minus(f'{bend:.0f}')}°" if np.any(bend_deg) else ""
+        ax.set(xlabel="x, mm", title=f"{name}{turned}")
         ax.grid(False)
     axes[0].set_ylabel("y, mm")
     return figure

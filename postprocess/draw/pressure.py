@@ -24,7 +24,7 @@ def pressure_and_loads(
     planes: that instant of each source. on_outline: (point,) Pa. loads: as `load_table` gives them.
     """
     known = bool(np.isfinite(loads["moment_piv"]).any())
-    figure, _ = new_figure(WIDTH, _TALL, squeeze=False)
+    figure, _ = new_figure(WIDTH, _TALL if known else 0.7 * _TALL, dpi=160, squeeze=False)
     figure.clear()
     rows = [["cfd", "piv"], ["along"] * 2, *([["moment"] * 2] if known else [])]
     axes = figure.subplot_mosaic(rows, height_ratios=[1.6, 1, 1][: len(rows)])

@@ -1,4 +1,4 @@
-"""Series over time, one panel for each quantity; paths of the vortex; the bending radius."""
+"""Series over time, one panel for each quantity; paths of the vortex; the bend."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ from postprocess.evidence.vortex_pairs import broken
 
 BAND = 1.96  # standard deviations to either side: a 95 % band
 Tracks = dict[str, list[pd.DataFrame]]  # by source, of every finger the tip's vortex over time
-_LEAST_PRESSURE = 3e3  # Pa; below it R runs off to infinity
 _ONE_ROW = 64  # letters of a legend that fit side by side
 _ABOVE = {
     "bbox_to_anchor": (0.0, 1.0),
@@ -181,31 +180,20 @@ def _path(
 
 
 def bending(
-    pressure: np.ndarray,
-    bend: np.ndarray,
-    bend_std: np.ndarray | None,
-    paper: np.ndarray | None,
-    length: float,
+    pressure: np.ndarray, bend: np.ndarray, bend_std: np.ndarray | None, paper: np.ndarray | None
 ) -> Figure:
-    """Bending radius (mm) over pressure (Pa): states with their band, equations (1)-(6) if given.
+    """Bend over pressure (Pa) of the states with their band, and of equations (1)-(6) if given.
 
-    `bend`, `bend_std`, `paper`: (state,) rad; R = `length` / bend (the paper's Figs 7 and 8c).
+    `bend`, `bend_std`, `paper`: (state,) rad.
     """
     figure, ax = new_figure(WIDTH, HEIGHT)
-    for part in (pressure < -_LEAST_PRESSURE, pressure > _LEAST_PRESSURE):
-        if not part.any():
-            continue
-        name = (lambda label: label) if part[-1] else (lambda label: None)
-        kpa = pressure[part] / 1e3
-        ax.plot(kpa, length * MM / bend[part], color=CFD, label=name("states"))
-        equations = {"color": GREY, "label": name("equations (1)–(6)")}
-        if paper is not None:
-            ax.plot(kpa, length * MM / paper[part], "--", **equations)
-        if bend_std is not None:
-            low, high = (length * MM / (bend[part] + k * bend_std[part]) for k in (-1, 1))
-            band = {"color": CFD, "alpha": 0.2, "lw": 0, "label": name("input uncertainty")}
-            ax.fill_between(kpa, low, high, **band)
-    ax.set(xlabel="pressure, kPa", ylabel="bending radius R, mm", ylim=(-160.0, 160.0))
-    ax.set_title("Bending radius over pressure")
+    ax.plot(pressure / 1e3, np.degrees(bend), color=CFD, label="states")
+    if paper is not None:
+        equations = {"color": GREY, "label": "the paper's equations (1)–(6)"}
+        ax.plot(pressure / 1e3, np.degrees(paper), "--", **equations)
+    if bend_std is not None:
+        sides = np.degrees([bend - bend_std, bend + bend_std])
+        ax.fill_between(pressure / 1e3, *sides, color=CFD, alpha=0.2, linewidth=0)
+    ax.set(xlabel="pressure, kPa", ylabel="bend, °", title="Bend over pressure")
     ax.legend()
     return figure

@@ -54,8 +54,9 @@ def new_figure(
 
 def save(figure: Figure, path: Path, **more) -> Path:
     """Write a figure in the format of its suffix, whole or not at all."""
-    metadata = {"Date": None} if path.suffix == ".svg" else {}
+    if path.suffix == ".svg":
+        more["metadata"] = {"Date": None}
     content = io.BytesIO()
-    figure.savefig(content, format=path.suffix[1:], metadata=metadata, facecolor="white", **more)
+    figure.savefig(content, format=path.suffix[1:], facecolor="white", **more)
     write_bytes(path, content.getbuffer())
     return path

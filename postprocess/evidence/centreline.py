@@ -50,12 +50,11 @@ def parting_height(v: np.ndarray, y: np.ndarray, near: float, least: float) -> f
 
 
 def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
-    """`COLUMNS` at every instant of two fingers (m, m/s), and pressures (Pa) where there are any.
+    """`COLUMNS` at every instant of two fingers (m, m/s), and a pressure (Pa) where there is one.
 
     The fastest downward flow below the parting line and the fastest upward flow above it are of
     x = 0, positive both; where the flow does not part, the tips take the line's place.
-    pressure_gap is the one of largest size between the tips on x = 0, pressure_tip_max and
-    pressure_tip_min are the extremes at the tips. `scale`: velocity scale, m/s.
+    pressure_gap is the one of largest size between the tips on x = 0. `scale`: velocity scale, m/s.
     """
     columns, share = beside_middle(plane["x"].values)
     names = [name for name in ("v", "p") if name in plane]
@@ -74,7 +73,6 @@ def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
     between = np.abs(y - tips[:, None]) <= 0.5 * float(plane.attrs["tip_width"])
     p = np.where(between & np.isfinite(middle["p"]), middle["p"], 0.0)
     table["pressure_gap"] = p[np.arange(times.size), np.argmax(np.abs(p), axis=1)]
-    table["pressure_tip_max"], table["pressure_tip_min"] = _tip_pressures(plane)
     return table
 
 
@@ -90,21 +88,6 @@ def _streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[fl
         k = int(np.argmax(sign * v[part]))
         out += [max(sign * float(v[part][k]), 0.0), float(y[part][k])]
     return tuple(out)
-
-
-def _tip_pressures(plane: xr.Dataset) -> np.ndarray:
-    """Largest and least pressure (2, time), Pa, within three quarters of a tip width of a tip."""
-    tips, reach = plane["tip"].values, 0.75 * float(plane.attrs["tip_width"])
-    low, high = tips.min(axis=(0, 1)) - reach, tips.max(axis=(0, 1)) + reach
-    box = plane[["p", "valid"]].sel(x=slice(low[0], high[0]), y=slice(low[1], high[1])).load()
-    gx, gy = np.meshgrid(box["x"].values, box["y"].values)
-    extremes = np.full((2, tips.shape[0]), np.nan)
-    for index, (p, valid) in enumerate(zip(box["p"].values, box["valid"].values, strict=True)):
-        near = [np.hypot(gx - x, gy - y) <= reach for x, y in tips[index]]
-        values = p[np.any(near, axis=0) & (valid != 0)]
-        if values.size:
-            extremes[:, index] = values.max(), values.min()
-    return extremes
 
 
 def crossings(outline: np.ndarray, height: float) -> np.ndarray:

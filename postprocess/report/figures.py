@@ -17,7 +17,7 @@ from fileio.formats.mesh_intervals import read_planforms
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
-from postprocess.evidence.load import read_clock, read_sources, single_finger
+from postprocess.evidence.load import read_clock, read_sources
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.report.flow_figures import Flow, instant_figures, slider_frames, tip_vortices
 from postprocess.report.motion_figures import bending_figure, water_figure
@@ -28,26 +28,11 @@ from postprocess.report.run_figures import camera_picture, energy_figure, mesh_f
 from postprocess.report.space_figures import space_figures
 from postprocess.report.time_figures import timeline, vortex_figures
 
-_REQUIRED = {
-    "sheet.h5": "sheet",
-    "vortices_cfd.csv": "vortices",
-    "comparison.json": "compare",
-    "comparison.csv": "compare",
-    "kinematics.h5": "kinematics",
-    "planform.h5": "mesh",
-    "sweep.h5": "case",
-    "run/run.json": "run",
-    "run/forces.csv": "run",
-    "run/power.csv": "run",
-    "run/power_terms.csv": "run",
-}
 _Job = Callable[[], list]
 
 
 def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     """Draw everything for one scene and level by `threads` processes; returns the index."""
-    for name, stage in _REQUIRED.items():  # before minutes of drawing, not after
-        files.required(name, stage)
     loads = files.optional("loads.h5")
     shown = ["cfd", "piv", "difference"] if files.optional("piv.h5") else ["cfd"]
     jobs: list[_Job] = [partial(_draw, files, draw) for draw in (_space, _others, _instants)]
@@ -122,10 +107,9 @@ def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, A
     timeline(album, files, flow, pd.read_csv(out / "comparison.csv"), middle)
     vortex_figures(album, files, flow, middle)
     if plane.sizes["finger"] > 1:
-        single, absent = single_finger(files.numbers)
-        pinch_figures(album, out, flow, comparison["summary"]["pinch"], single, absent)
+        pinch_figures(album, out, flow)
     if scene.get("body") is None:
-        bending_figure(album, out / "kinematics.h5", scene["finger"]["length"])
+        bending_figure(album, out / "kinematics.h5")
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
         if plane.sizes["finger"] == 1 and (measured := files.optional("pressure.h5")):

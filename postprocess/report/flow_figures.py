@@ -12,7 +12,6 @@ import xarray as xr
 
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
-from postprocess.draw import series as draw_series
 from postprocess.draw.flow import EDGES
 from postprocess.draw.series import Tracks
 from postprocess.draw.style import NAMES, WIDTH
@@ -22,11 +21,10 @@ from postprocess.evidence.fields import difference
 from postprocess.evidence.strokes import stroke_window
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.picture_index import Album
-from postprocess.words import quantity
 
 FRAMES = 51  # of the slider
 _INSTANTS = (0.5, 0.8)  # of the stroke's bend; the last instant is added
-_AFTER_CONTACT = (0.0, 0.05, 0.15)  # s: instants shown of a pinch
+_AFTER_CONTACT = (0.0, 0.15)  # s: instants shown of a pinch
 
 
 def tip_vortices(
@@ -89,13 +87,13 @@ class Flow(NamedTuple):
 def instant_figures(album: Album, flow: Flow) -> None:
     """Vectors of all sources at some instants as pictures."""
     body, sources = flow.words()
-    show = flow.images(flow.planes, dpi=190, panel=(WIDTH - EDGES) / len(flow.planes))
+    x0, x1, y0, y1 = flow.region()
+    rows = len(flow.planes) if x1 - x0 > y1 - y0 else 1  # side by side a wide region is small
+    panel = (WIDTH - EDGES) * rows / len(flow.planes)
+    show = flow.images(flow.planes, dpi=190, panel=panel, rows=rows)
     for number, time in enumerate(flow.instants()):
         instant = draw_flow.format_instant(flow.planes["cfd"], time)
-        vortices = " ".join(
-            _format_vortices(source, fingers, time) for source, fingers in flow.dominant.items()
-        )
-        alt = f"Velocity vectors around the {body} at {instant}, {sources}. {vortices}"
+        alt = f"Velocity vectors around the {body} at {instant}, {sources}."
         animation.write_picture(show(time), album.folder / f"flow_{number}.webp", quality=90)
         album.add(None, f"flow_{number}.webp", "flow", alt, instant, time=float(time))
 
@@ -109,18 +107,3 @@ def slider_frames(album: Album, flow: Flow, source: str) -> None:
     animation.write_frames(map(show, times), album.folder / source)
     alt, name = f"Flow around the {body}, {NAMES[source]}", NAMES[source]
     album.add(None, source, "slider", alt, name, times=times.tolist())
-
-
-def _format_vortices(source: str, fingers: list[pd.DataFrame], time: float) -> str:
-    sentences = []
-    for finger, track in enumerate(fingers):
-        name = draw_series.finger_name(source, finger, len(fingers))
-        if not track["time"].iloc[0] <= time <= track["time"].iloc[-1]:
-            sentences.append(f"{name}: no tip vortex yet or any more.")
-            continue
-        now = track.iloc[int(np.argmin(np.abs(track["time"].to_numpy() - time)))]
-        sense = "counter-clockwise" if now["circulation"] > 0 else "clockwise"
-        strength = quantity(abs(now["circulation"]), "m²/s")
-        side = now["side"] or "undecided"
-        sentences.append(f"{name}: tip vortex {sense} on the {side} side, {strength}.")
-    return " ".join(sentences)

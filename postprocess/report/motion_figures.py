@@ -40,23 +40,19 @@ def water_figure(album: Album, path: Path) -> None:
     album.add(figure, "water.svg", "water", alt, caption)
 
 
-def bending_figure(album: Album, path: Path, length: float) -> None:
-    """Bending radius over pressure of the states, and of the paper's equations; `length` in m."""
+def bending_figure(album: Album, path: Path) -> None:
+    """Bend over pressure of the states, and of the paper's equations."""
     kinematics = read_kinematics(path)
     if kinematics.values("state_pressure") is None:
         return  # a motion over time, as of a coupled run, follows from no states
     pressure, bend = (kinematics.data[name].values for name in ("state_pressure", "state_bend"))
-    paper = kinematics.values("paper_bend")
     std = kinematics.values("state_bend_std")
-    band = (
+    caption = "The states of the finger that drive its motion. " + (
         "The band is the standard uncertainty from roof and channel heights, the split of the"
         " material's stiffness, the mesh and ±0.2 kPa (docs/fea.md)."
         if std is not None
-        else "These states carry no uncertainty, so no band is drawn."
+        else "They carry no uncertainty, so no band is drawn."
     )
-    figure = draw_series.bending(pressure, bend, std, paper, length)
-    states = "the states that drive the motion"
-    alt = f"Bending radius over pressure from {states}."
-    dashed = "; the paper's equations (1)–(6) dashed" if paper is not None else ""
-    caption = f"R from {states}{dashed}. {band}"
+    figure = draw_series.bending(pressure, bend, std, kinematics.values("paper_bend"))
+    alt = "Bend over pressure of the states that drive the motion."
     album.add(figure, "bending.svg", "motion", alt, caption)

@@ -1,24 +1,20 @@
-"""The report's pictures of a pinch: both pairs, the closing, and the single finger beside."""
+"""The report's pictures of a pinch: both pairs of vortices, and the closing."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from fileio.formats.kinematics import read_kinematics
-from postprocess.compare.pinch_summary import APPROACH
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
 from postprocess.draw.flow import EDGES
 from postprocess.draw.style import WIDTH
-from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, pair_of, vortex_of
-from postprocess.evidence.time_windows import Clock, gap_reached
-from postprocess.evidence.vortex_pairs import broken, of_finger
+from postprocess.evidence.time_windows import gap_reached
 from postprocess.report.flow_figures import Flow
 from postprocess.report.picture_index import Album
 from postprocess.words import quantity
@@ -26,48 +22,24 @@ from postprocess.words import quantity
 _APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
 
 
-def pinch_figures(
-    album: Album,
-    out: Path,
-    flow: Flow,
-    numbers: dict[str, Any],
-    single: dict[str, pd.DataFrame],
-    absent: str,
-) -> None:
-    """Draw the section "pinch" from the comparison's tables in `out`.
-
-    `numbers` as `pinch_summary` returns them; `single`: vortices of the single finger by source;
-    `absent`: why there are none.
-    """
-    clock, met = flow.clock, numbers["contact_time"]
-    pairs, lines, integrals = (
+def pinch_figures(album: Album, out: Path, flow: Flow) -> None:
+    """Draw the section "pinch" from the comparison's tables in `out`."""
+    clock, met = flow.clock, flow.clock.met()
+    lines, integrals = (
         {s: pd.read_csv(out / f"{name}_{s}.csv") for s in flow.planes}
-        for name in ("pairs", "centreline", "integrals")
+        for name in ("centreline", "integrals")
     )
     _both_pairs(album, flow, integrals["cfd"])
     free, gap = _free_gap(out / "kinematics.h5", clock.time), clock.gap_at(clock.time)
     figure = draw_pinch.closing(clock.time, gap, free, integrals, lines, met)
     alt = "Gap, circulation of both pairs, flow and pressure between the tips over time."
     caption = (
-        "Dotted: contact. Good: the curves of CFD and PIV lie on each other."
+        "Dotted: contact. Good: the curves of CFD and PIV lie on each other; PIV's windows miss"
+        " the upward flow in a gap that is narrower than they are."
         " Vortices: vorticity within half a tip's width of their centres."
-        f" {_format_closing(met, clock.time, free)}{'' if single else f'Not shown: {absent}.'}"
+        f" {_format_closing(met, clock.time, free)}"
     )
-    album.add(figure, "closing.svg", "pinch", alt, caption.strip())
-    if not single:
-        return
-    # Nearer than the approach the two regions meet.
-    apart = {s: t[clock.gap_at(t["time"].to_numpy()) >= APPROACH[1]] for s, t in pairs.items()}
-    beside = {s: broken(_with_bend(of_finger(t, 0), clock), "track") for s, t in apart.items()}
-    alone = {s: _dominant(table) for s, table in single.items()}
-    limits = (0.0, float(np.degrees(clock.progress.max())) + 2)
-    alt = (
-        "Place of the tip vortex as seen from the tip over the bend angle, of the pinch and of the"
-        " single finger."
-    )
-    caption = "Left finger of the pinch. Lower panel: above zero is the dorsal side."
-    figure = draw_pinch.beside_single(beside, alone, limits)
-    album.add(figure, "beside_single.svg", "pinch", alt, caption)
+    album.add(figure, "closing.svg", "pinch", alt, caption)
 
 
 def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
@@ -118,14 +90,5 @@ def _format_closing(met: float | None, time: np.ndarray, free: np.ndarray) -> st
     end = int(known[-1])
     speed = (free[end - 1] - free[end]) / (time[end] - time[end - 1])
     return (
-        f"Unhindered the tips would meet at {time[end]:.3f} s with {quantity(speed, 'm/s')} each. "
+        f"Unhindered the tips would meet at {time[end]:.3f} s with {quantity(speed, 'm/s')} each."
     )
-
-
-def _with_bend(table: pd.DataFrame, clock: Clock) -> pd.DataFrame:
-    return table.assign(bend=np.interp(table["time"], clock.time, clock.progress))
-
-
-def _dominant(table: pd.DataFrame) -> pd.DataFrame:
-    span = (float(table["time"].min()), float(table["time"].max()))
-    return tracks.dominant_track(table, 0, span, "single finger")

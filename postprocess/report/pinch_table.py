@@ -53,8 +53,6 @@ _ROWS = (
     ("upward flow at its fastest", "rise_peak", "m/s"),
     (f"downward jet within {_LATER}", "jet_peak_after_contact", "m/s"),
     ("pressure between the tips, extreme", "pressure_gap_peak", "Pa"),
-    ("largest pressure at the tips", "pressure_tip_max_peak", "Pa"),
-    ("least pressure at the tips", "pressure_tip_min_peak", "Pa"),
 )
 
 

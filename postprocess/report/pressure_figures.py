@@ -10,6 +10,7 @@ from postprocess.draw import pressure as draw_pressure
 from postprocess.evidence.line_loads import load_table, loads_of_sheet
 from postprocess.evidence.tip_vortex import rms
 from postprocess.report.picture_index import Album
+from postprocess.words import quantity
 
 
 def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time: float) -> None:
@@ -31,12 +32,12 @@ def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time:
     off = rms(both["moment_piv"] - both["moment_cfd"]) / rms(both["moment_cfd"])
     caption = f"At {float(now['time']):.3f} s; each is 0 on average along the edge of PIV's view. "
     caption += (
-        f"The moment from PIV is {off:.0%} off the same integral of the simulation's pressure (RMS"
-        " over the run); its band is 95 %. "
+        f"The moment from PIV is {quantity(off, 'fraction')} off the same integral of the"
+        " simulation's pressure (RMS over the run); its band is 95 %. "
         if np.isfinite(off)
         else "The finger leaves the view, so that its moment is not known. "
     )
     caption += "PIV has the pressure that the water's acceleration needs."
     alt = "Pressure around the finger from CFD and PIV, along its outline, and its moment."
     figure = draw_pressure.pressure_and_loads(planes, on_outline, table)
-    album.add(figure, "pressure.png", "water", alt, caption)
+    album.add(figure, "pressure.webp", "water", alt, caption)

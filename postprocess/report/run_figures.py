@@ -13,7 +13,6 @@ from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
 from postprocess.draw.style import HEIGHT, WIDTH
-from postprocess.evidence.strokes import REST, progress
 from postprocess.report.picture_index import Album
 from postprocess.report.wording import balance_sentence
 
@@ -28,40 +27,25 @@ def energy_figure(album: Album, out: Path) -> None:
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:
-    """The planform at three bends."""
-    outline, bend = plane["outline"].values, plane["bend"].values[:, 0]
+    """The planform without load, and at half and all of the largest."""
+    outline = plane["outline"].values[:, :1]
     low, high = outline.min(axis=(0, 1, 2)) - 0.02, outline.max(axis=(0, 1, 2)) + 0.02
+    high[0] = min(high[0], planforms[0]["points"][..., 0].max())  # of two fingers the left half
     limits = (low[0], high[0], low[1], high[1])
-    done = progress(plane)
-    end = int(np.argmax(np.abs(done - done[0])))
-    if np.ptp(bend) > REST:
-        wanted = np.array([bend[0], 0.5 * (bend[0] + bend[end]), bend[end]])[:, None]
-        known = [planform["bend"][:, None] for planform in planforms]
-        now = bend[:, None]
-    else:  # a body that does not turn is known by its place
-        half = int(np.argmin(np.abs(done - 0.5 * done[end])))
-        now = outline[:, 0].mean(axis=1)
-        wanted = now[[0, half, end]]
-        known = [planform["points"][:, planform["wall"]].mean(axis=1) for planform in planforms]
-    drawn = [_nearest_shape(known, place) for place in wanted]
+    knots = [(m, k) for m, planform in enumerate(planforms) for k in range(len(planform["bend"]))]
+    parameter = np.concatenate([planform["shape_parameter"] for planform in planforms])
+    far = parameter[np.argmax(np.abs(parameter))]
+    drawn = [knots[int(np.argmin(np.abs(parameter - part * far)))] for part in (0, 0.5, 1)]
     shapes = [planforms[mesh]["points"][knot] for mesh, knot in drawn]
     at = np.degrees([planforms[mesh]["bend"][knot] for mesh, knot in drawn])
     used = [planforms[mesh] for mesh, _ in drawn]
     lines = [
         draw_mesh.edges([mesh["triangles"][mesh["body"] == 0], mesh["quads"]]) for mesh in used
     ]
-    alt = "The planform of the mesh around the finger at the start, middle and end of the stroke."
+    alt = "The planform of the mesh around the finger at rest, half-way and at the farthest."
     caption = "The mesh in the laser sheet follows the finger; its layers at the wall stay."
-    image = animation.drawn(draw_mesh.planform(shapes, at, lines, limits))
-    animation.write_picture(image, album.folder / "planform.webp", quality=80)
-    album.add(None, "planform.webp", "mesh", alt, caption, wide=True)
-
-
-def _nearest_shape(known: list[np.ndarray], wanted: np.ndarray) -> tuple[int, int]:
-    """The planform and its knot whose place (knot, component) is nearest to the wanted one."""
-    apart = [np.linalg.norm(places - wanted, axis=1) for places in known]
-    mesh = int(np.argmin([distances.min() for distances in apart]))
-    return mesh, int(np.argmin(apart[mesh]))
+    figure = draw_mesh.planform(shapes, at, lines, limits)
+    album.add(figure, "planform.webp", "mesh", alt, caption, wide=True)
 
 
 def camera_picture(album: Album, recording: Path, time: float) -> None:

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, minus, quantity
+from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, quantity
 
 
 def balance_sentence(balance: dict[str, Any]) -> str:
     """What has become of the finger's work, of run.json's `power_balance`."""
-    work, taken = abs(balance["work"]) or 1.0, balance["taken"]
-    rest = minus(f"{balance['unexplained_fraction']:.1%}")
-    parts = {name: minus(f"{value / work:.0%}") for name, value in taken.items()}
+    work, unexplained = abs(balance["work"]) or 1.0, balance["unexplained_fraction"]
+    parts = balance["taken"] | {"kinetic": balance["kinetic_energy"]}
+    of = {name: quantity(value / work, "fraction") for name, value in parts.items()}
     return (
-        f"Of the finger's work on the water, {balance['work'] * 1e3:.3f}{NBSP}mJ,"
-        f" {balance['kinetic_energy'] / work:.0%} is kinetic energy at the end; viscosity has taken"
-        f" {parts['viscous']}, the convection scheme {parts['convection']}, the coupling of"
-        f" pressure and velocity {parts['coupling']}; {rest} is"
-        " unexplained. What the schemes take acts as viscosity of the mesh: the computed vortices"
-        " lose it sooner than those in the water."
+        f"Of the finger's work on the water, {1e3 * balance['work']:.3f}{NBSP}mJ, {of['kinetic']}"
+        f" is kinetic energy at the end; viscosity has taken {of['viscous']}, the convection scheme"
+        f" {of['convection']}, the coupling of pressure and velocity {of['coupling']};"
+        f" {quantity(unexplained, 'fraction')} is unexplained. What the schemes take acts as"
+        " viscosity of the mesh: the computed vortices lose it sooner than those in the water."
     )
 
 

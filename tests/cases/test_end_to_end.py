@@ -13,6 +13,7 @@ from fileio.formats.plane_series import read_plane
 from pipeline.openfoam.function_objects import read_function_object
 from tests.cases.conftest import make
 from tests.conftest import ROOT
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
 
@@ -65,6 +66,14 @@ def test_the_report_and_its_tables_are_there(finger):
     assert checks["centre-agrees"]["met"]
     assert run["cells"] == pytest.approx(3000, rel=0.3)
     assert 0 < run["power_balance"]["closure_fraction"] < 0.6
+
+
+@pytest.mark.skipif(not (CHROMIUM and CHROMEDRIVER), reason="needs chromium and chromedriver")
+def test_axe_has_no_serious_finding_on_the_page_of_a_run(finger, tmp_path):
+    with Browser(tmp_path) as browser:
+        for width in (1400, 400):
+            browser.show((finger / "report.html").resolve().as_uri(), width)
+            assert browser.axe() == {}
 
 
 def test_loads_along_the_finger_are_those_of_the_solver(finger):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from postprocess.report.stage import make_report
 from tests.synthetic_stroke import copy_findings, write_case
 from tests.unit.lab.test_lab_wording import quantity
 from tests.unit.lab.test_lab_wording import result as lab_result
-from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, OPEN, Browser
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and CHROMEDRIVER),
@@ -29,8 +28,6 @@ pytestmark = pytest.mark.skipif(
 HOME, RIGHT, END = "\ue011", "\ue014", "\ue010"  # WebDriver's key codes
 FRAMES = 7
 FILM_HZ = 10.0
-OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
-AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +89,6 @@ def judged():
             "versions": {"python": "3.11"},
         },
     }  # fmt: skip
-
-
-def show(browser, address, width):
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    browser.devtools("Emulation.setDeviceMetricsOverride", **size)
-    browser.open(address)
 
 
 def colour_scheme(browser, scheme):
@@ -209,7 +200,7 @@ def test_the_film_can_be_decoded(browser):
 @pytest.mark.parametrize("width", [360, 400, 768, 1024, 1300, 1920])
 @pytest.mark.parametrize("which", ["report", "lab"])
 def test_nothing_sticks_out_sideways(browser, page, lab_page, which, width):
-    show(browser, lab_page if which == "lab" else page, width)
+    browser.show(lab_page if which == "lab" else page, width)
     sizes = "return [document.documentElement.scrollWidth, window.innerWidth]"
     needed, there = browser.run(sizes)
     assert needed <= there == width
@@ -220,7 +211,7 @@ def test_nothing_sticks_out_sideways(browser, page, lab_page, which, width):
 
 
 def test_cells_of_a_narrow_table_name_their_column(browser, lab_page):
-    show(browser, lab_page, 400)
+    browser.show(lab_page, 400)
     cells = "[...document.querySelectorAll('.verdict > tbody > tr:first-child > td')]"
     heads = browser.run(f"return {cells}.map(c => getComputedStyle(c, '::before').content)")
     names = ("Simulation S", "Laboratory D", "E", "Uncertainty u_val")
@@ -231,16 +222,8 @@ def test_cells_of_a_narrow_table_name_their_column(browser, lab_page):
 @pytest.mark.parametrize("which", ["report", "lab"])
 def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
     colour_scheme(browser, scheme)
-    show(browser, lab_page if which == "lab" else page, 1300)
-    # folded parts open, and by devtools, since the page allows no scripts
-    browser.devtools("Runtime.evaluate", expression=OPEN + AXE.read_text(encoding="utf-8"))
-    report = "axe.run().then(r => JSON.stringify([r.violations, r.passes.length]))"
-    options = {"expression": report, "awaitPromise": True, "returnByValue": True}
-    answer = browser.devtools("Runtime.evaluate", **options)
-    violations, passed = json.loads(answer["result"]["value"])
-    assert passed > 15, "axe must have checked the page"
-    serious = [f for f in violations if f["impact"] in ("serious", "critical")]
-    assert {f["id"]: [n["html"][:120] for n in f["nodes"][:3]] for f in serious} == {}
+    browser.show(lab_page if which == "lab" else page, 1300)
+    assert browser.axe() == {}
 
 
 def test_dark_mode_keeps_pictures_on_white(browser):

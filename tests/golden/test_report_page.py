@@ -233,8 +233,6 @@ def test_the_first_screen_has_the_answer_with_its_numbers(made):
     [
         ("sheet.h5", "compare"),
         ("vortices_cfd.csv", "compare"),
-        ("planform.h5", "figures"),
-        ("run/power.csv", "figures"),
         ("comparison.json", "report"),
     ],
 )

@@ -40,7 +40,7 @@ from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
 COPIED = {
-    "single_finger": ("space_end.webp", "slices.webp", "pressure.png"),
+    "single_finger": ("space_end.webp", "slices.webp", "pressure.webp"),
     "pinch": ("pair_dorsal.webp", "pair_ventral.webp"),
 }
 

@@ -10,12 +10,9 @@ from postprocess.evidence.line_loads import load_table
 
 
 def series(times: list[float], moment: list[float], std: float = 0.0) -> xr.Dataset:
-    """Loads of one finger at some instants; the force along y is half the moment."""
-    value = np.array(moment)[:, None]
-    force = np.stack([0 * value, 0.5 * value], axis=-1)
-    names = ("time", "finger", "axis")
-    values = {"line_moment": (names[:2], value), "line_force": (names, force)}
-    values |= {f"{n}_std": (d, np.full(v.shape, std)) for n, (d, v) in values.items()}
+    """Moments on one finger at some instants."""
+    value, axes = np.array(moment)[:, None], ("time", "finger")
+    values = {"line_moment": (axes, value), "line_moment_std": (axes, np.full(value.shape, std))}
     return xr.Dataset(values, coords={"time": times})
 
 
@@ -27,7 +24,6 @@ def test_loads_of_two_sources_side_by_side() -> None:
     )
     assert list(table["time"]) == [0.05, 0.15, 0.25]
     np.testing.assert_allclose(table["moment_cfd"], [1.5, 2.5, 3.5])
-    np.testing.assert_allclose(table["force_y_piv"], table["moment_piv"] / 2)
     assert set(table["moment_piv_std"]) == {0.2}
 
 
