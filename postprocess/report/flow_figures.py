@@ -95,7 +95,8 @@ def instant_figures(album: Album, flow: Flow) -> None:
         instant = draw_flow.format_instant(flow.planes["cfd"], time)
         alt = f"Velocity vectors around the {body} at {instant}, {sources}."
         animation.write_picture(show(time), album.folder / f"flow_{number}.webp", quality=90)
-        album.add(None, f"flow_{number}.webp", "flow", alt, instant, time=float(time))
+        more = {"time": float(time), "layout": "beside" if rows == 1 else "stacked"}
+        album.add(None, f"flow_{number}.webp", "flow", alt, instant, **more)
 
 
 def slider_frames(album: Album, flow: Flow, source: str) -> None:

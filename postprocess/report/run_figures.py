@@ -45,7 +45,7 @@ def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr
     alt = "The planform of the mesh around the finger at rest, half-way and at the farthest."
     caption = "The mesh in the laser sheet follows the finger; its layers at the wall stay."
     figure = draw_mesh.planform(shapes, at, lines, limits)
-    album.add(figure, "planform.webp", "mesh", alt, caption, wide=True)
+    album.add(figure, "planform.webp", "mesh", alt, caption, layout="wide")
 
 
 def camera_picture(album: Album, recording: Path, time: float) -> None:

@@ -104,7 +104,7 @@ def space_figures(folder: Path, scene: Scene, flow: Flow) -> list[dict[str, Any]
         " side and beside it. Were the flow plane, all three would be alike; the tip's vortex ends"
         " where the colours fade, and bends into those along the edges."
     )
-    album.add(None, "slices.webp", "space", alt, caption, wide=True)
+    album.add(None, "slices.webp", "space", alt, caption, layout="wide")
     times = np.linspace(0.0, last, FRAMES)
     turns = np.linspace(*_TURN_DEG, FRAMES)
     frames = (picture(t, turn) for t, turn in zip(times, turns, strict=True))
