@@ -16,9 +16,6 @@ class VortexSettings:
         "sought; None = a sixth of the tip's width, else half a PIV window, else two grid steps",
     ] = None
     least_part: Annotated[float, "least vorticity within a vortex, as a part of its largest"] = 0.1
-    min_rotation: Annotated[
-        float, "least mean of 4 Q over vorticity squared (rotation alone: 1, a shear layer: 0)"
-    ] = 1 / 3
     max_elongation: Annotated[float, "longest region, length over width"] = 4.0
     min_circulation: Annotated[
         float | None, "least |circulation|; None = --min-part of the plane's strongest"
@@ -51,7 +48,7 @@ class VortexSettings:
     def __post_init__(self) -> None:
         if self.weights not in ("uncertainty", "equal"):
             raise ValueError(f"weights = {self.weights!r}: give 'uncertainty' or 'equal'")
-        for name in ("least_part", "min_part", "min_rotation", "min_explained", "neighbour_part"):
+        for name in ("least_part", "min_part", "min_explained", "neighbour_part"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} = {getattr(self, name):g}: give a number from 0 to 1")
         for name in ("scale", "max_elongation", "fit_radius", "correlation_length"):

@@ -199,6 +199,30 @@ def test_rankine_and_taylor_green():
         assert w.circulation == pytest.approx(sign * whole * np.exp(-((k * scale) ** 2)), rel=0.01)
 
 
+@pytest.mark.parametrize("apart, layer", [(120.0, 0.05), (160.0, 0.1)])
+def test_two_vortices_that_a_layer_joins_are_two(apart, layer):
+    """As the rolls at both corners of a finger's end, which its layer joins to one region."""
+    blobs = [(600 + side * apart / 2, 500.0, GAMMA, 40.0) for side in (-1, 1)]
+    blobs += [
+        (600 + part * apart / 2, 440.0, layer * GAMMA, 25.0) for part in np.linspace(-1, 1, 9)
+    ]
+    u, v = (sum(f) for f in zip(*(lamb_oseen(X, Y, *blob) for blob in blobs), strict=True))
+    found = find_vortices(make_plane(AXIS_X, AXIS_Y, u, v))
+    # the layer pulls their centroids towards its middle by less than a core radius
+    assert sorted(a.x for a in found) == pytest.approx([600 - apart / 2, 600 + apart / 2], abs=40)
+    assert [a.y for a in found] == pytest.approx([500, 500], abs=40)
+
+
+def test_a_strained_vortex_is_a_vortex():
+    u, v = lamb_oseen(X, Y, 600.0, 500.0, GAMMA, 40.0)
+    strain = 0.3 * GAMMA / (np.pi * 40**2)  # of the peak vorticity before smoothing
+    found = find_vortices(
+        make_plane(AXIS_X, AXIS_Y, u + strain * (X - 600), v - strain * (Y - 500))
+    )
+    assert len(found) == 1
+    assert (found[0].x, found[0].y) == pytest.approx((600, 500), abs=1)
+
+
 def test_noise_and_uniform_flow_hold_no_vortex_worth_the_name():
     rng = np.random.default_rng(1)
     assert find_vortices(make_plane(AXIS_X, AXIS_Y, np.ones(X.shape), np.ones(X.shape))) == []
