@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +14,6 @@ from scipy.sparse.csgraph import connected_components
 from tqdm import tqdm
 
 from fileio.atomic import write_text
-from fileio.errors import StageError
 from fileio.formats.mesh_intervals import IntervalMesh
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
@@ -30,7 +25,6 @@ from pipeline.run.map_fields import map_fields
 from pipeline.run.solver import PROGRESS, has_ended
 
 _REPAIRS = 10  # rounds of moving stray pieces; two were enough for 64 ranks on every level
-_SCOTCH = ("gpart", "scotch_gpart")  # scotch's own name of its partitioner, and Debian's
 
 
 def prepare(
@@ -95,28 +89,19 @@ def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
 def partition_columns(
     centres: np.ndarray, load: np.ndarray, ranks: int, pairs: np.ndarray
 ) -> np.ndarray:
-    """Rank of each column of cells: by scotch where it is installed, else by recursive bisection.
+    """Rank of each column of cells, by recursive bisection: every rank in one piece.
 
     centres (column, 2) m; load (column,): cells of each, zero where a column has none; pairs
-    (edge, 2): neighbouring columns. StageError where scotch fails.
+    (edge, 2): neighbouring columns.
     """
-    program = next(filter(None, map(shutil.which, _SCOTCH)), None)
-    if program:
-        rank = _by_scotch(program, load, pairs, ranks)
-    else:
-        rank = np.zeros(len(centres), int)
-        _bisect(centres, load, np.arange(len(centres)), 0, ranks, rank)
+    rank = np.zeros(len(centres), int)
+    _bisect(centres, load, np.arange(len(centres)), 0, ranks, rank)
     return _whole_pieces(rank, load, pairs)
-
-
-def _shared_faces(load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Faces (edge,) between neighbouring columns: the layers that both have."""
-    return np.minimum(load[pairs[:, 0]], load[pairs[:, 1]])
 
 
 def _whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """Give each rank's stray pieces to the neighbour with which they share most faces."""
-    rank, faces = rank.copy(), _shared_faces(load, pairs)
+    rank, faces = rank.copy(), np.minimum(load[pairs[:, 0]], load[pairs[:, 1]])
     for _ in range(_REPAIRS):
         inside = (rank[pairs[:, 0]] == rank[pairs[:, 1]]) & (faces > 0)
         a, b = pairs[inside].T
@@ -156,34 +141,3 @@ def _bisect(centres: np.ndarray, load: np.ndarray, members: np.ndarray, first: i
     cut = int(np.searchsorted(share, share[-1] * lower / ranks))
     _bisect(centres, load, ordered[:cut], first, lower, rank)
     _bisect(centres, load, ordered[cut:], first + lower, ranks - lower, rank)
-
-
-def _by_scotch(program: str, load: np.ndarray, pairs: np.ndarray, ranks: int) -> np.ndarray:
-    """Rank (column,) of equal `load` and few shared faces; columns without cells: rank 0."""
-    faces = _shared_faces(load, pairs)
-    columns = np.flatnonzero(load > 0)
-    number = np.full(len(load), -1)
-    number[columns] = np.arange(len(columns))
-    edges = number[pairs[faces > 0]]
-    ends = np.vstack([edges, edges[:, ::-1]])
-    order = np.argsort(ends[:, 0], kind="stable")
-    ends, weight = ends[order], np.tile(faces[faces > 0].astype(int), 2)[order]
-    begin = np.searchsorted(ends[:, 0], np.arange(len(columns) + 1))
-    # scotch's format 0 with weights of vertices and edges: its manual, section 5.1
-    lines = [f"0\n{len(columns)} {len(ends)}\n0 011"]
-    for cells, (a, b) in zip(load[columns].astype(int), pairwise(begin), strict=True):
-        arcs = " ".join(f"{w} {v}" for w, v in zip(weight[a:b], ends[a:b, 1], strict=True))
-        lines.append(f"{cells} {b - a} {arcs}")
-    # equal meshes, equal parts
-    env = os.environ | {"SCOTCH_PTHREAD_NUMBER": "1", "SCOTCH_DETERMINISTIC": "1"}
-    with tempfile.TemporaryDirectory() as folder:
-        graph, mapping = Path(folder) / "columns.grf", Path(folder) / "columns.map"
-        graph.write_text("\n".join(lines) + "\n")
-        command = [program, str(ranks), str(graph), str(mapping), "/dev/null"]
-        done = subprocess.run(command, env=env, capture_output=True, text=True)
-        if done.returncode != 0 or not mapping.exists():
-            raise StageError(f"{program} failed: {(done.stderr or done.stdout).strip()[-300:]}")
-        assigned = np.loadtxt(mapping, int, skiprows=1, ndmin=2)
-    rank = np.zeros(len(load), int)
-    rank[columns[assigned[:, 0]]] = assigned[:, 1]
-    return rank

@@ -9,12 +9,10 @@ import signal
 import subprocess
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
 from tqdm import tqdm
 
 from fileio.atomic import check_room, name_in_errors, sync_file, write_text
@@ -44,8 +42,6 @@ PROGRESS = "progress.json"  # cost of the interval so far, and whether it has en
 _OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
 _NOTE_EVERY = 10.0  # s between updates of the cost, for a run that is killed
 _SILENCE = 900.0  # s without a line from the solver
-_LONG_STEP = (60.0, 50.0)  # s, and times the median step: one that exceeds both does not end
-_FIRST_STEP = 3600.0  # s: the longest first step, which has none before it
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
 
@@ -63,9 +59,9 @@ class Follower(Protocol):
 
 
 class Watchdog:
-    """Calls `stop` once when the solver is silent for `limit` s or a time step does not end.
+    """Calls `stop` once when the solver is silent for `limit` s; `cause` names the reason.
 
-    Only time of an awake machine counts. `cause` names the reason.
+    Only time of an awake machine counts.
     """
 
     TICK = 5.0  # s
@@ -73,9 +69,7 @@ class Watchdog:
     def __init__(self, limit: float, stop: Callable[[], None]) -> None:
         self.limit, self.stop = limit, stop
         self.cause: str | None = None
-        self._quiet = self._step = 0.0
-        self._begun = False  # the first time step
-        self._steps: deque[float] = deque(maxlen=101)
+        self._quiet = 0.0
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -83,41 +77,14 @@ class Watchdog:
         """The solver has written a line."""
         self._quiet = 0.0
 
-    def advance(self) -> None:
-        """The solver has begun another time step."""
-        if self._begun:  # what ends with the first is the start-up
-            self._steps.append(self._step)
-        self._begun = True
-        self._step = 0.0
-
-    def longest_step(self) -> float:
-        """The longest duration (s) of this time step."""
-        least, factor = _LONG_STEP
-        if not self._steps:
-            return _FIRST_STEP
-        return max(least, factor * float(np.median(list(self._steps))))
-
-    def check(self, passed: float) -> str | None:
-        """The cause of a stop after another `passed` s, else None."""
-        self._quiet += passed
-        self._step += passed
-        if self._quiet > self.limit:
-            return f"the solver has written nothing for {self.limit / 60:g} minutes"
-        if self._step > self.longest_step():
-            if not self._steps:
-                return f"the solver's first time step has not ended after {self._step:.0f} s"
-            return (
-                f"a time step has taken {self._step:.0f} s and has not ended, longer than"
-                f" {_LONG_STEP[1]:g} others"
-            )
-        return None
-
     def _watch(self) -> None:
         tick = min(self.TICK, self.limit / 4)
-        while self.cause is None and not self._over.wait(tick):
-            self.cause = self.check(tick)
-        if self.cause:
-            self.stop()
+        while not self._over.wait(tick):
+            self._quiet += tick
+            if self._quiet > self.limit:
+                self.cause = f"the solver has written nothing for {self.limit / 60:g} minutes"
+                self.stop()
+                return
 
     def __enter__(self) -> Watchdog:
         self._thread.start()
@@ -244,7 +211,6 @@ def solve(
                         if follower:
                             follower.answer(guard.time, lambda: process.poll() is None)
                     if line.startswith("Time = "):
-                        watchdog.advance()
                         if time.monotonic() - noted > _NOTE_EVERY:
                             noted = time.monotonic()
                             note()

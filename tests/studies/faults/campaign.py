@@ -104,9 +104,9 @@ class Work:
 class Campaign:
     """An undisturbed run of a small scene in `folder`, its state before each target, and `out`."""
 
-    def __init__(self, folder: Path, until: str = TARGETS[-1]) -> None:
+    def __init__(self, folder: Path, until: str = TARGETS[-1], coupled: bool = False) -> None:
         self.folder = folder
-        self.run = small_run(folder / "small")
+        self.run = small_run(folder / "small", coupled=coupled)
         self.out, self.wanted = self.run.out, folder / "wanted"
         self.chosen = TARGETS[: TARGETS.index(until) + 1]
         self.seconds: dict[str, float] = {}
@@ -369,10 +369,13 @@ def odd_paths(at: Campaign) -> Iterator[Row]:
 
 
 def of_processes(at: Campaign, chosen: list[str], count: int, seed: int) -> Iterator[Row]:
-    """Kills, two makes at once, odd paths."""
+    """Kills, of a coupled run too, two makes at once, odd paths."""
     for target in chosen:
         yield kills(at, target, count, seed)
         yield twice(at, target)
+    if "run" in chosen:
+        coupled = Campaign(at.folder / "coupled", "run", coupled=True)
+        yield kills(coupled, "run", 2 * count, seed) | {"stage": "run, coupled"}
     yield from odd_paths(at)
 
 

@@ -42,10 +42,14 @@ vortices = {{ scale = 4e-3 }}
 SPENT = ("wall_time", "resumed")  # numbers of a run that a resumed one does not repeat
 
 
-def small_run(folder: Path, level: str = "tiny", pressure: float = 12.0) -> Run:
+def small_run(
+    folder: Path, level: str = "tiny", pressure: float = 12.0, coupled: bool = False
+) -> Run:
     """The run of a stroke of 60 ms in 2-D; without results where the folder is new."""
     if not folder.exists():
         write_scene(folder, more=SMALL.format(pressure=pressure))
+    if coupled:
+        return open_run(folder, level, {"motion.source": "structure"}, folder / "out" / "coupled")
     return open_run(folder, level)
 
 
