@@ -16,7 +16,7 @@ from fileio.schema import Schema, variables
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
     from scipy.interpolate import CubicSpline
 
-SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
+_SHAPES = ("outline", "tip", "tip_direction", "dorsal_direction", "bend")
 SHAPE = "shape_parameter"
 SHAPE_OF_TIME = "shape_parameter_of_time"
 
@@ -156,7 +156,7 @@ def read_kinematics(path: Path) -> Kinematics:
         if not (np.ptp(parameter) > 0 and np.ptp(data["shape_outline"].values, axis=1).all()):
             raise ValueError("a body of no size, or one that never moves")
         splines = {
-            name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in SHAPES
+            name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in _SHAPES
         }
     except ValueError as error:
         raise StageError(f"{path}: damaged ({one_line(error)}); {SCHEMA.remedy}") from None

@@ -26,7 +26,7 @@ tip_direction?~  time?, finger, axis  1  unit vector out of the tip, along the f
 dorsal_direction?~  time?, finger, axis  1  unit vector at the tip, from ventral to dorsal side
 bend?~  time?, finger  rad  bend angle, positive towards the ventral side
 """)
-LOADS = variables("""
+_LOADS = variables("""
 p_outline?~  time, finger, point  Pa  pressure of the water on the outline
 p_outline_std?~  time, finger, point  Pa  its standard uncertainty
 line_force?~  time, finger, axis  N/m  force of that pressure per length across the sheet
@@ -66,7 +66,7 @@ p?~  time?, y, x  Pa  pressure without the hydrostatic part, zero far away; of P
 p_std?~  time?, y, x  Pa  standard uncertainty of p
 """)
     + FINGERS
-    + LOADS
+    + _LOADS
     + ORIGIN
     + variables("interval?  -  s  between the exposures of a pair, where it is the same for all"),
     remedy=REMEDY,

@@ -57,7 +57,7 @@ def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
     if span < 200:
         raise StageError(f"{path}: pressures span {span:.3g} Pa, which looks like kPa; give Pa")
     if smoothing:
-        return averaged_law(times, pressure, smoothing)
+        return _averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
 
 
@@ -101,7 +101,7 @@ def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
     return 140 * x**3 * (1 - x) ** 3
 
 
-def averaged_law(times: ndarray, pressure: ndarray, span: float) -> PressureLaw:
+def _averaged_law(times: ndarray, pressure: ndarray, span: float) -> PressureLaw:
     """A history (s, Pa) by straight lines, averaged over the `span` (s) before each instant.
 
     It starts from rest, does not overshoot, and lags by half of the span.

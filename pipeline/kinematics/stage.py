@@ -18,7 +18,7 @@ from pipeline.scene.scene import Scene
 _JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
 
 
-def motion_rate(values: dict[str, Any]) -> np.ndarray:
+def _motion_rate(values: dict[str, Any]) -> np.ndarray:
     """Rate (time,) of the pressure."""
     return np.asarray(CubicSpline(values["time"], values["pressure"])(values["time"], 1))
 
@@ -40,7 +40,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
             f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes,"
             f" tip ≤ {values['peak_tip_speed']:.3f} m/s"
         )
-        rate = np.abs(motion_rate(values))
+        rate = np.abs(_motion_rate(values))
         if rate[0] > _JUMP * rate.max():
             print(
                 f"kinematics: warning: {scene.motion.pressure_csv or scene.motion.recording} begins"

@@ -16,7 +16,7 @@ from pathlib import Path
 from fileio.atomic import check_room, name_in_errors
 from fileio.errors import StageError
 
-INSTALL = "apt-get install openfoam"
+_INSTALL = "apt-get install openfoam"
 _NEEDED = (
     "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
 )
@@ -49,7 +49,7 @@ def environment() -> dict[str, str]:
             raise StageError(f"WM_PROJECT_DIR = {chosen}: it has no pimpleFoam; {_NEEDED}")
     if shutil.which("pimpleFoam", path=env.get("PATH")) is None:
         raise StageError(
-            f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {INSTALL}"
+            f"OpenFOAM is not installed (no pimpleFoam on the path); run: sudo {_INSTALL}"
         )
     if "WM_PROJECT_DIR" not in env:
         if not (_PACKAGED / "etc").is_dir():

@@ -70,7 +70,7 @@ def swept_cells(mesh: IntervalMesh, time: float) -> SweptCells:
 
 
 @dataclass(frozen=True)
-class Overlap:
+class _Overlap:
     """Parts that columns of two planforms share, with area (m²) and centroid (part, 2; m)."""
 
     source: np.ndarray
@@ -79,7 +79,7 @@ class Overlap:
     centre: np.ndarray
 
 
-def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
+def overlap_of(source: SweptCells, target: SweptCells) -> _Overlap:
     """All parts that the columns of two planforms share."""
     old, new = (shapely.polygons(cells.outline) for cells in (source, target))
     inside, cut = shapely.STRtree(old).query(new, predicate="intersects")
@@ -87,13 +87,13 @@ def overlap_of(source: SweptCells, target: SweptCells) -> Overlap:
     area = shapely.area(shared)
     real = area > 1e-9 * target.area[inside]  # neither points nor edges
     centre = shapely.get_coordinates(shapely.centroid(shared[real]))
-    return Overlap(cut[real], inside[real], area[real], centre)
+    return _Overlap(cut[real], inside[real], area[real], centre)
 
 
 def carry(
     source: SweptCells,
     target: SweptCells,
-    overlap: Overlap,
+    overlap: _Overlap,
     values: np.ndarray,
     *,
     no_slip: bool,

@@ -31,7 +31,7 @@ _FREE = ("sheet", "mirror", "top")  # patches along which the water slips
 
 
 @dataclass(frozen=True)
-class FaceGeometry:
+class _FaceGeometry:
     """Faces and cells of a mesh in one shape, m: area vectors and centres, centres and volumes.
 
     Faces of patches of no extent (2-D) have area vectors of zero.
@@ -50,7 +50,7 @@ class FaceGeometry:
 
 
 def face_terms(
-    mesh: FaceGeometry,
+    mesh: _FaceGeometry,
     velocity: np.ndarray,
     pressure: np.ndarray,
     on_boundary: np.ndarray,
@@ -119,7 +119,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("fi,fi->f", a, b)
 
 
-def _gradient(mesh: FaceGeometry, inner: np.ndarray, boundary: np.ndarray) -> np.ndarray:
+def _gradient(mesh: _FaceGeometry, inner: np.ndarray, boundary: np.ndarray) -> np.ndarray:
     """Gradient (cell, direction, component) by Gauss's theorem from values on faces."""
     n, cells = mesh.inner, len(mesh.volume)
     gradient = np.empty((cells, 3, 3))
@@ -162,7 +162,7 @@ def term_rows(
     return np.array(rows).reshape(-1, 1 + len(LOSSES))
 
 
-def geometry_at(faces: Faces, mesh: IntervalMesh, time: float) -> FaceGeometry:
+def geometry_at(faces: Faces, mesh: IntervalMesh, time: float) -> _FaceGeometry:
     """Geometry of a mesh in its shape at `time` s; its faces are plane."""
     nodes, levels = mesh.motion.nodes(time), mesh.planform["levels"].values
     node, level, column, layer = (
@@ -184,10 +184,10 @@ def geometry_at(faces: Faces, mesh: IntervalMesh, time: float) -> FaceGeometry:
     middle = 0.5 * (levels[1:] + levels[:-1])
     cell_centre = np.column_stack([cell_centres(nodes, *cells)[column], middle[layer]])
     volume = cell_areas(nodes, *cells)[column] * np.diff(levels)[layer]
-    return FaceGeometry(faces, area, np.asarray(centre), cell_centre, volume)
+    return _FaceGeometry(faces, area, np.asarray(centre), cell_centre, volume)
 
 
-def _boundary_velocity(mesh: FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def _boundary_velocity(mesh: _FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
     patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
     for name, faces in mesh.faces.patches.items():

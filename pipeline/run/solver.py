@@ -149,7 +149,7 @@ def solve(
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         if interval.moving:
-            reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
+            _reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
         ranks.announce(case, name)
     guard.time = start
     drop_tables(case, start)
@@ -267,7 +267,7 @@ def failed(case: Path, reached: float, code: int) -> StageError:
     return StageError(f"pimpleFoam failed at {reached:g} s (log: {log}); its last lines:\n{tail}")
 
 
-def reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
+def _reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
     """Start a resumed run's pointDisplacement from that of the interval's first time's folder.
 
     `whole`: the files are whole without a closing rule, as collated ones. The first step computes

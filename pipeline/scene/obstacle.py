@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from pipeline.scene.section import Pair, Positive, Section
 
-MOST_OBSTACLES = 8
+_MOST_OBSTACLES = 8
 _CIRCLE_POINTS = 720  # before nodes are spread over it
 _EDGE_POINTS = 50  # of a straight side, likewise
 
@@ -78,7 +78,7 @@ class Obstacle(Section):
 
 
 # the walls of the obstacles, in order
-OBSTACLE_PATCHES = tuple(f"obstacle_{number + 1}" for number in range(MOST_OBSTACLES))
+OBSTACLE_PATCHES = tuple(f"obstacle_{number + 1}" for number in range(_MOST_OBSTACLES))
 
 
 def forces_name(patch: str) -> str:
@@ -93,8 +93,8 @@ def check_obstacles(scene: Any) -> None:
         return
     if scene.pinch is not None or scene.body is not None:
         raise ValueError("obstacle: goes with a single finger; remove [[obstacle]], or the other")
-    if len(obstacles) > MOST_OBSTACLES:
-        raise ValueError(f"obstacle: {len(obstacles)} tables; give at most {MOST_OBSTACLES}")
+    if len(obstacles) > _MOST_OBSTACLES:
+        raise ValueError(f"obstacle: {len(obstacles)} tables; give at most {_MOST_OBSTACLES}")
     room = 2 * scene.mesh.wall_cell
     half = 0.5 * tank.size[0]
     water = shapely.box(-half + room, room, half - room, tank.water_depth - room)

@@ -10,7 +10,7 @@ from pathlib import Path
 from paraview import simple as pv
 
 HERE = Path(sys.argv[0] if sys.argv[0].endswith("picture.py") else __file__).resolve().parent
-SHOWN = 0.3  # of the largest vorticity: the wall's is far above that of the vortices
+_SHOWN = 0.3  # of the largest vorticity: the wall's is far above that of the vortices
 INSIDE = 1e-4  # m: beside the plane of symmetry, where the mesh ends
 # purple to orange, as in the reports
 COLOURS = [-1.0, 0.33, 0.15, 0.53, 0.0, 0.97, 0.97, 0.97, 1.0, 0.70, 0.35, 0.02]
@@ -30,7 +30,7 @@ sheet.SliceType.Origin = [*picture["centre"], picture["sheet"] - INSIDE]
 sheet.SliceType.Normal = [0.0, 0.0, 1.0]
 sheet.UpdatePipeline(view.ViewTime)
 lowest, highest = sheet.CellData["vorticity"].GetRange(2)
-limit = SHOWN * max(-lowest, highest) or 1.0
+limit = _SHOWN * max(-lowest, highest) or 1.0
 shown = pv.Show(sheet, view)
 pv.ColorBy(shown, ("CELLS", "vorticity", "Z"))
 shown.Ambient, shown.Diffuse = 1.0, 0.0  # colours as in the legend
