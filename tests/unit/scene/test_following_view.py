@@ -87,6 +87,16 @@ def test_a_small_picture_of_stated_scale_leaves_out_the_root(tmp_path):
     assert run.scene.camera.centre[1] + 0.032 < run.scene.finger.root[1]
 
 
+def test_a_view_shows_the_root_where_it_is_sharp_enough_for_the_vortex(tmp_path):
+    folder = write(tmp_path, "[tank]\nwater_depth = 0.31\n")
+    for level, rooted in (("smoke", False), ("coarse", True)):
+        scene = open_run(folder, level).scene
+        window = scene.piv.window * scene.camera.pixel
+        assert scene.finger.thickness / window > 2.5
+        top = scene.camera.centre[1] + 0.5 * scene.camera.rows * scene.camera.pixel
+        assert (top > scene.finger.root[1]) is rooted
+
+
 def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_path):
     run = open_run(write(tmp_path, "[finger]\nroot = [0, 0.2]\n[camera]\ncentre = [0.1, 0.19]\n"))
     with pytest.raises(StageError, match=r"camera\.centre = \[0\.1, 0\.19\] m: the tip leaves"):
