@@ -16,8 +16,8 @@ from pipeline.runs.stages import BY_NAME
 from pipeline.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from pipeline.study.rows import Row
 
-MARGIN = 2.0  # on the estimates of time and memory
-LEAST_MINUTES, LEAST_MB = 5, 500
+_MARGIN = 2.0  # on the estimates of time and memory
+_LEAST_MINUTES, _LEAST_MB = 5, 1000
 _THREADS = 8  # at most
 
 
@@ -98,45 +98,40 @@ def describe(home: Path, study: str, row: Row, compared: bool = False) -> dict[s
 def _add_jobs(
     jobs: dict[str, dict[str, Any]], made_by: dict[str, str], run: Run, about: dict[str, Any]
 ) -> None:
-    stale = list(run.stale(about["until"]))
-    for stage in stale:
-        record = str(record_path(run.out, stage))
-        first = made_by.setdefault(run.digest(stage), record)
+    for stage in run.stale(about["until"]):
+        record, digest = str(record_path(run.out, stage)), run.digest(stage)
+        first = made_by.setdefault(digest, record)
         before = [str(record_path(run.out, name)) for name in run.inputs(BY_NAME[stage])]
-        before = [name for name in before if name in jobs]
-        seconds, memory = estimate(run, stage)
+        inputs = [name for name in before if name in jobs] + [first] * (first != record)
         ranks = about["ranks"] if BY_NAME[stage].ranks else 1
-        jobs[record] = {
-            "run": about["run"],
-            "stage": stage,
-            "digest": run.digest(stage),
-            "inputs": before + [first] * (first != record),
-            "ranks": ranks,
-            "threads": _THREADS if BY_NAME[stage].threads else ranks,
-            "minutes": max(LEAST_MINUTES, round(MARGIN * seconds / ranks / 60)),
-            "memory_mb": max(LEAST_MB, round(MARGIN * memory)),
-        }
+        threads = _THREADS if BY_NAME[stage].threads else ranks
+        job = _job(about["run"], stage, digest, ranks, *estimate(run, stage))
+        jobs[record] = job | {"inputs": inputs, "threads": threads}
 
 
 def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
-    minutes, memory = LEAST_MINUTES, 2 * LEAST_MB
     try:
         run = run_of(about)
-    except StageError:
-        pass  # its outcome is a refusal
-    else:
         costs = [estimate(run, stage) for stage in run.stale(about["until"])]
-        minutes += round(MARGIN * sum(cost[0] for cost in costs) / 60)
-        memory += round(MARGIN * max((cost[1] for cost in costs), default=0))
+    except StageError:
+        costs = []  # its outcome is a refusal
+    seconds, memory = sum(cost[0] for cost in costs), max([0.0, *(cost[1] for cost in costs)])
+    return _job(about["run"], OUTCOME, outcome_digest(about), about["ranks"], seconds, memory)
+
+
+def _job(
+    name: str, stage: str, digest: str, ranks: int, seconds: float, memory: float
+) -> dict[str, Any]:
+    """A job of Snakemake: a stage of the run `name`; `seconds` of CPU time, `memory` in MB."""
     return {
-        "run": about["run"],
-        "stage": OUTCOME,
-        "digest": outcome_digest(about),
+        "run": name,
+        "stage": stage,
+        "digest": digest,
         "inputs": [],
-        "ranks": about["ranks"],
-        "threads": about["ranks"],
-        "minutes": minutes,
-        "memory_mb": memory,
+        "ranks": ranks,
+        "threads": ranks,
+        "minutes": max(_LEAST_MINUTES, round(_MARGIN * seconds / ranks / 60)),
+        "memory_mb": max(_LEAST_MB, round(_MARGIN * memory)),
     }
 
 

@@ -250,7 +250,7 @@ def main() -> None:
     """Command line; a part of the table that is there is not made again."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--examples", type=int, default=2000, help="far and near (%(default)s)")
-    parser.add_argument("--solved", type=int, default=650, help="of these, through the solver too")
+    parser.add_argument("--solved", type=int, default=1000, help="of these, solved where accepted")
     parser.add_argument("--ordinary", type=int, default=200, help="well inside (%(default)s)")
     parser.add_argument("--table", type=Path, required=True, help="CSV to go on with")
     args = parser.parse_args()
