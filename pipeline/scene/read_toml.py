@@ -110,7 +110,8 @@ def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, 
         if _MOVING & layer.base.keys() and not stated:
             table = _without_view(table)
         for key, value in flat(layer.base).items():
-            if of_levels.get(key, value) != value:
+            # a child of another motion has a view of its own at all levels
+            if of_levels.get(key, value) != value and tuple(key.split(".")) not in _FOLLOWING:
                 replaced[key] = layer.path
         table = merge(table, layer.base)
         for name in names:
