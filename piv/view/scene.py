@@ -63,7 +63,7 @@ class Scene:
         return options, sequence
 
     @cached_property
-    def _sets(self) -> list[tuple[int, ...]]:
+    def sets(self) -> list[tuple[int, ...]]:
         """Frames of every field, as `piv correlate` takes them."""
         assert self.recording is not None
         return frame_sets(len(self.recording), self.made[1])
@@ -75,7 +75,7 @@ class Scene:
             return 0, 0
         if self.series is None and self.made[1].pairing == PAIRINGS[1]:
             step //= 2  # steps are frames
-        frames = self._sets[min(step, len(self._sets) - 1)]
+        frames = self.sets[min(step, len(self.sets) - 1)]
         middle = (len(frames) - 1) // 2
         return frames[middle], frames[middle + 1]
 
@@ -164,4 +164,12 @@ def open_scene(source: Sequence[str], images: Sequence[str] | None = None) -> Sc
         return Scene(str(path), open_recording(source), None)
     if len(source) > 1:
         raise ValueError(f"{source[1]}: give one file of vectors, and images with --images")
-    return Scene(str(path), open_recording(images) if images else None, open_vectors(path))
+    scene = Scene(str(path), open_recording(images) if images else None, open_vectors(path))
+    if scene.recording is not None and len(scene.recording) > 1:
+        pairs = len(scene.sets)
+        if scene.count > pairs:
+            raise ValueError(
+                f"{path}: {scene.count} fields, but the images give {pairs}; give --images all "
+                "that the fields were made of, in the same order"
+            )
+    return scene

@@ -62,6 +62,13 @@ def test_images_behind_vectors_are_their_pair(folder):
     assert [alone.frames_of(k) for k in range(3)] == [(0, 1), (0, 1), (2, 3)]
 
 
+def test_fewer_images_than_fields_are_refused(folder):
+    images = sorted(str(path) for path in (folder / "run").iterdir())
+    with pytest.raises(ValueError, match=r"fields, but the images give 1; give --images all"):
+        open_scene([str(folder / "piv.h5")], images[:2])
+    assert open_scene([str(folder / "piv.h5")], images[:1]).frames_of(1) == (0, 0)  # behind all
+
+
 def test_an_area_gives_the_circulation_round_it_and_its_uncertainty(folder):
     plane = open_scene([str(folder / "piv.h5")]).plane(0)
     found = answers.inside(plane, AROUND)
