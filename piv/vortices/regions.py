@@ -18,9 +18,9 @@ from piv.vortices.smooth import REACH, Smoother
 DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a tip's width
 # radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
 SMALLEST = 0.75
-FLAT = 0.7  # of the largest vorticity: a region whose edge has more is part of a background
-# of the lower of two maxima: with less between them they are two vortices. The tracks of four flows
-# are the same from 0.6 to 0.8; below, a roll at the finger's corner comes and goes
+FLAT = 0.75  # of the largest vorticity: a region whose edge has more is part of a background
+# of the lower of two maxima: with less between them they are two vortices. The main tracks of three
+# flows are the same from 0.4 to 0.8; below 0.6 a roll at a finger's corner comes and goes
 SADDLE = 0.6
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
