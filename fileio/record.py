@@ -27,9 +27,10 @@ def of_run(path: Path) -> Path:
     return made if made.exists() else path
 
 
-def forget_run(path: Path) -> None:
-    """Remove what a coupled run has written in the place of `path`."""
-    (path.parent / "run" / path.name).unlink(missing_ok=True)
+def forget_run(out: Path) -> None:
+    """Remove what a coupled run has written in the place of first guesses in the folder `out`."""
+    for name in ("kinematics.h5", "planform.h5", "mesh_quality.csv"):
+        (out / "run" / name).unlink(missing_ok=True)
 
 
 def record_path(out: Path, stage: str) -> Path:

@@ -48,8 +48,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
     flat, n = kind == "2d", scene.numerics
     sampling = n.sampling_steps(scene.sheet.rate_hz)
     sheet_z = 0.5 * back if flat else scene.sheet.z
-    # a coupled finger takes the loads of every step
-    balance = 1 if scene.coupled else n.balance_steps(scene.sheet.rate_hz)
+    balance = n.balance_steps(scene.sheet.rate_hz)
 
     def point(*xyz: float) -> str:
         return f"({' '.join(f'{c:.10g}' for c in xyz)})"

@@ -18,7 +18,6 @@ contact_force  time  N  on the whole finger, away from what its tip touches
 tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
 open_energy  -  1  work and energy that do not match, over the pressure's work, until a contact
 moment_share  -  1  largest moment on a joint over that of the table in states.h5
-runs  -  1  solved until the check was passed
 first_order  -  1  1: the loads were continued to first order, since a mode alternated
 """),
 )

@@ -42,7 +42,6 @@ tip_change?  -  m  coupled: by which the run's own loads would move the tip, at 
 open_energy?  -  1  coupled: work and energy that do not match, over the pressure's work
 moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
 contact_force?  -  N  coupled: median force on a whole finger while its tip touches; else 0
-runs?  -  1  coupled: solved until that check was passed
 first_order?  -  1  coupled: 1: the loads were continued to first order
 """),
 )
@@ -56,9 +55,8 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
         return str(values["unknown"])
     if values["coupled"]:
         order = ", continued to first order" if values["first_order"] else ""
-        again = " of a second run" if values["runs"] > 1 else ""
         return (
-            f"Pressure and water make the finger's motion together: the loads{again}{order} would"
+            f"Pressure and water make the finger's motion together: the loads{order} would"
             f" move its tip by {values['tip_change'] * 1e3:.2g} mm more, and"
             f" {values['open_energy']:.1%} of the pressure's work is open"
             + (" until the contact." if values["contact_force"] > 0 else ".")

@@ -20,6 +20,7 @@ from pipeline.kinematics.shapes import (
     add_tip,
     arc_length,
     circular_states,
+    pieces,
     rounded_strip,
     with_chambers,
 )
@@ -54,10 +55,13 @@ class FingerMotion:
         """Closed outline (point, 2) of finger 0 in the tank frame at a pressure of the shape."""
         return self.to_tank(self.shapes.outline(pressure))
 
-    def with_states(self, states: States) -> FingerMotion:
-        """The same finger with other states, without its tip; the first is that at rest."""
-        states = add_tip(states, self.finger.tip.length, self.finger.tip.thickness)
-        return replace(self, shapes=FingerShapes(states, self.shapes.strip), states=states)
+    def outline_of(self, profile: ndarray, thickness: ndarray) -> ndarray:
+        """The outline in another shape: profile (point, 2) without tip, and thickness (point,)."""
+        other = States(np.zeros(1), profile[None], thickness[None])
+        other = add_tip(other, self.finger.tip.length, self.finger.tip.thickness)
+        (angle,), (length,) = pieces(other.profile)
+        shapes = self.shapes
+        return self.to_tank(shapes.place(shapes.strip, angle, length, other.thickness[0]))
 
     def turn(self, vectors: ndarray) -> ndarray:
         """Vectors (…, 2) from the actuator's axes to the tank's."""

@@ -96,14 +96,17 @@ def with_chambers(
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 
+def pieces(profile: ndarray) -> tuple[ndarray, ndarray]:
+    """Tangent angles and lengths (state, piece) of profiles (state, point, 2)."""
+    x, y = np.moveaxis(np.diff(profile, axis=1), -1, 0)
+    angle = np.unwrap(np.arctan2(y, x), axis=1)
+    return angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi)), np.hypot(x, y)
+
+
 def profile_splines(states: States) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
     """Tangent angle and length of the pieces of the profile, and thickness, over pressure."""
-    x, y = np.moveaxis(np.diff(states.profile, axis=1), -1, 0)
-    angle = np.unwrap(np.arctan2(y, x), axis=1)
-    angle = angle - 2 * np.pi * np.round(angle[:, :1] / (2 * np.pi))
-    angles, lengths, thickness = (
-        CubicSpline(states.pressure, table) for table in (angle, np.hypot(x, y), states.thickness)
-    )
+    tables = *pieces(states.profile), states.thickness
+    angles, lengths, thickness = (CubicSpline(states.pressure, table) for table in tables)
     return angles, lengths, thickness
 
 
@@ -148,12 +151,17 @@ class FingerShapes:
         return node_angle(self._angle(pressure))
 
     def _place(self, strip: Strip, pressure: float) -> ndarray:
-        angle, s = self._angle(pressure), strip.s
-        thickness = np.interp(s, self._s, self._thickness(pressure))
-        turn = np.interp(s, self._s, self._node_angle(pressure))
+        parts = self._angle, self._length, self._thickness
+        return self.place(strip, *(part(pressure) for part in parts))
+
+    def place(self, strip: Strip, angle: ndarray, length: ndarray, thickness: ndarray) -> ndarray:
+        """Points (n, 2) of a strip, by the `pieces` of a profile and its thickness (point,)."""
+        s = strip.s
+        thickness = np.interp(s, self._s, thickness)
+        turn = np.interp(s, self._s, node_angle(angle))
         dorsal = np.column_stack([np.sin(turn), -np.cos(turn)])
         tangent = np.column_stack([np.cos(angle), np.sin(angle)])
-        steps = self._length(pressure)[:, None] * tangent
+        steps = length[:, None] * tangent
         curve = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
         root = np.array([0.0, -0.5 * self._root_thickness])

@@ -81,14 +81,20 @@ class Frames:
         kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
         self._tail = b";\n" + _BOUNDARY % kinds + END
 
-    def write(self, time: float, moved: np.ndarray) -> None:
-        """Write `<time>/wantedDisplacement`; `moved` (node, 2) m: against the first shape."""
-        head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField nonuniform List<vector> "
+    def write(self, time: float, moved: np.ndarray | None) -> None:
+        """Write `<time>/wantedDisplacement`; `moved` (node, 2) m: against the first shape.
+
+        None: a small file, which holds the place of one that is written later.
+        """
+        head = b"dimensions [0 1 0 0 0 0 0];\n\ninternalField "
         bodies = []
         for drives, nodes in self._driven:
-            displacement = np.zeros((len(drives), 3))
-            displacement[drives, :2] = moved[nodes]
-            bodies.append(head + binary_list(displacement) + self._tail)
+            values = b"uniform (0 0 0)"
+            if moved is not None:
+                displacement = np.zeros((len(drives), 3))
+                displacement[drives, :2] = moved[nodes]
+                values = b"nonuniform List<vector> " + binary_list(displacement)
+            bodies.append(head + values + self._tail)
         if self._ranks.collated:  # the header stands in the first block only
             contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
         else:

@@ -19,52 +19,54 @@ from fileio.errors import StageError
 from fileio.formats.mesh_intervals import Interval
 from fileio.record import check_whole
 
-_SIZES = {"float": 4, "double": 8, "int": 4, "long": 8}  # bytes
+_TYPES = {"float": ">f4", "double": ">f8", "int": ">i4", "long": ">i8"}
 
 
 def is_whole_vtk(path: Path) -> bool:
     """Whether a file of OpenFOAM's (format version 2.0) is there and as long as its headers say."""
     try:
         with path.open("rb") as file:
-            return _is_whole(file)
+            return _layout(file) is not None
     except FileNotFoundError:
         return False
 
 
-def _is_whole(file: BinaryIO) -> bool:
-    """The same of an open file: reads its headers and skips its values."""
+def _layout(file: BinaryIO) -> dict[str, tuple[int, int, str]] | None:
+    """Offset, number and type of the values of each array of a whole open file; None if cut off."""
     size = os.fstat(file.fileno()).st_size
     sections: list[bytes] = []
+    found = {}
     try:
         version = file.readline()
         if version.startswith(b"# vtk") and version.endswith(b"\n") and b" 2.0" not in version:
-            return True  # another layout than OpenFOAM's: VTK reads it
+            return {}  # another layout than OpenFOAM's: VTK reads it
         for _ in range(3):  # title, BINARY, DATASET
             file.readline()
         while line := file.readline():
             if not line.strip():
                 continue
             sections.append(line.split()[0])
-            for count, kind in _arrays(line.split(), file):
+            for name, count, kind in _arrays(line.split(), file):
                 if not 0 <= count <= size:
-                    return False
-                file.seek(count * _SIZES[kind] + 1, io.SEEK_CUR)
+                    return None
+                found[name] = file.tell(), count, _TYPES[kind]
+                file.seek(count * int(_TYPES[kind][-1]) + 1, io.SEEK_CUR)
     except (ValueError, IndexError, KeyError):
-        return False
+        return None
     values = sections[-2:] in ([b"POINT_DATA", b"FIELD"], [b"CELL_DATA", b"FIELD"])
-    return values and b"POINTS" in sections and file.tell() == size
+    return found if values and b"POINTS" in sections and file.tell() == size else None
 
 
-def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[int, str]]:
-    """Number of values and their type of each array of the section that begins with `line`."""
+def _arrays(line: list[bytes], file: BinaryIO) -> Iterator[tuple[str, int, str]]:
+    """Name, number of values and type of each array of the section that begins with `line`."""
     if line[0] == b"POINTS":
-        yield 3 * int(line[1]), line[2].decode()
+        yield "POINTS", 3 * int(line[1]), line[2].decode()
     elif line[0] == b"POLYGONS":
-        yield int(line[2]), "int"
+        yield "POLYGONS", int(line[2]), "int"
     elif line[0] == b"FIELD":
         for _ in range(int(line[2])):
             words = file.readline().split()
-            yield int(words[1]) * int(words[2]), words[3].decode()
+            yield words[0].decode(), int(words[1]) * int(words[2]), words[3].decode()
     elif line[0] not in (b"POINT_DATA", b"CELL_DATA"):
         raise ValueError(line[0])
 
@@ -84,8 +86,8 @@ def sampled_surfaces(
     return surfaces
 
 
-def read_surface(path: Path) -> pv.PolyData:
-    """A surface; StageError where it was cut off, OSError where the disk is full."""
+def _check(path: Path) -> None:
+    """StageError where a sample was cut off, OSError where the disk is full."""
     if not is_whole_vtk(path):
         check_room(path.parent)
         raise StageError(
@@ -93,16 +95,41 @@ def read_surface(path: Path) -> pv.PolyData:
             " before that time"
         )
     check_whole(path, "delete it and run make again: the solver resumes before that time")
+
+
+def read_surface(path: Path) -> pv.PolyData:
+    """A surface; errors as of `_check`."""
+    _check(path)
     return cast(pv.PolyData, pv.read(path))
 
 
-def area_vectors(surface: pv.PolyData) -> np.ndarray:
-    """Area (m²) times unit normal of each plane polygon (face, 3), in the sense of its corners."""
-    faces = surface.GetPolys()
-    corners = surface.points[pv.convert_array(faces.GetConnectivityArray())].astype(float)
-    first = pv.convert_array(faces.GetOffsetsArray())
+def wall_forces(path: Path, density: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (face, 3) m of a wall's faces, force of the water on each (N), and velocity (m/s).
+
+    The sample has cell values p (m²/s²), wallShearStress and U. Errors as of `_check`.
+    """
+    _check(path)
+    with path.open("rb") as file:  # without VTK: a coupled run reads one in each step
+        layout, content = _layout(file) or {}, path.read_bytes()
+
+    def values(name: str) -> np.ndarray:
+        offset, count, kind = layout[name]
+        return np.frombuffer(content, kind, count, offset).astype(kind[1:])
+
+    first, of_polygon, polygons = [], 0, values("POLYGONS")
+    while of_polygon < len(polygons):  # each begins with the number of its corners
+        first.append(of_polygon)
+        of_polygon += int(polygons[of_polygon]) + 1
+    corners = values("POINTS").reshape(-1, 3)[np.delete(polygons, first)].astype(float)
+    count = polygons[first]
+    start = np.cumsum(count) - count
     after = np.arange(1, len(corners) + 1)
-    after[first[1:] - 1] = first[:-1]
+    after[start + count - 1] = start
     # from a corner of its own: a face is small, and far from 0
-    arms = corners - np.repeat(corners[first[:-1]], np.diff(first), axis=0)
-    return 0.5 * np.add.reduceat(np.cross(arms, arms[after]), first[:-1])
+    arms = corners - np.repeat(corners[start], count, axis=0)
+    area = 0.5 * np.add.reduceat(np.cross(arms, arms[after]), start)
+    centre = np.add.reduceat(corners, start) / count[:, None]
+    shear, velocity = (values(name).reshape(-1, 3) for name in ("wallShearStress", "U"))
+    # normals point into the finger; wallShearStress is that of the wall on the water
+    size = np.linalg.norm(area, axis=1)[:, None]
+    return centre, density * (values("p")[:, None] * area - shear * size), velocity

@@ -20,7 +20,7 @@ from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.openfoam.polymesh_files import Faces, read_faces
 from pipeline.openfoam.ranks import Ranks
-from pipeline.openfoam.surface_vtk import area_vectors, read_surface
+from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.run.checkpoint import saved_field, saved_times
 from pipeline.scene.sections import Fluid
 
@@ -218,14 +218,8 @@ def resolved_dissipation(
 
 def finger_power(path: Path, density: float) -> float:
     """Work rate of the computed part of the finger on the water (W) from its sampled surface."""
-    surface = read_surface(path)
-    pressure, shear, velocity = (
-        np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress", "U")
-    )
-    # normals point into the finger; wallShearStress is that of the wall on the water
-    area = area_vectors(surface)
-    on_water = -density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
-    return float(np.einsum("fi,fi->", on_water, velocity))
+    _, force, velocity = wall_forces(path, density)
+    return -float(np.einsum("fi,fi->", force, velocity))
 
 
 def power_rows(case: Path, fluid: Fluid, copies: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fileio.formats.mesh_intervals import PER_FINGER, IntervalMesh
 from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS
+from fileio.record import of_run
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import LOG
@@ -104,7 +105,7 @@ def collect_results(
         if wall in OBSTACLE_PATCHES:
             tables = [_forces(case, per_finger, forces_name(wall)) for case in cases]
             FORCES.write(folder / "run" / f"forces_{wall}.csv", _joined(meshes, tables))
-    quality = _mesh_quality(folder / "mesh_quality.csv")
+    quality = _mesh_quality(of_run(folder / "mesh_quality.csv"))
     parts = [power_rows(case, fluid, copies) for case in cases]
     terms = np.vstack(
         [

@@ -17,9 +17,9 @@ from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
-from pipeline.run.checkpoint import STATE, prepared_for, resumable_ranks
+from pipeline.run.checkpoint import prepared_for, resumable_ranks
 from pipeline.run.coupled import Coupled, Follower, make_later_case
-from pipeline.run.guards import Guard, guard_of
+from pipeline.run.guards import guard_of
 from pipeline.run.prepare import prepare
 from pipeline.run.results import collect_results
 from pipeline.run.solver import BAR, resumes_rightly, solve
@@ -40,26 +40,20 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     version = foam_version()
     end, step = scene.motion.end_time, scene.numerics.time_step
     kind = scene.model.kind
-    coupled = None
-    if scene.coupled:
-        coupled = Coupled(scene)
-    guesses = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
-    meshes = list(guesses)
+    coupled = Coupled(scene) if scene.coupled else None
+    meshes = read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
+    guesses = list(meshes)
     intervals = [mesh.interval for mesh in meshes]
     cases = [scene.out / "case" / interval.name for interval in intervals]
     steps = [Steps.of(interval.begin, interval.end, step) for interval in intervals]
-
-    def guards_of() -> list[Guard]:
-        limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[kind]
-        try:
-            return [
-                guard_of(case, mesh, its, limit, depth, scene.fluid)
-                for case, mesh, its in zip(cases, guesses, steps, strict=True)
-            ]
-        except ValueError as error:
-            raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
-
-    guards = guards_of()
+    limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[kind]
+    try:
+        guards = [
+            guard_of(case, mesh, its, limit, depth, scene.fluid)
+            for case, mesh, its in zip(cases, meshes, steps, strict=True)
+        ]
+    except ValueError as error:
+        raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
     with exclusive(scene.out / "solver"):
         least = min(mesh.cells for mesh in meshes)
         useful = max(1, min(ranks, least // LEAST_CELLS))
@@ -67,56 +61,30 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             print(f"run: {least} cells are too few for {ranks} ranks; {useful} used")
         moving = meshes[0].interval.moving
         layout = resumable_ranks(cases[0], moving, Ranks(useful, collated and useful > 1), quiet)
-        spent = []
-
-        def solve_all() -> list[Follower]:
-            """Solve all intervals; of a coupled run, what followed each."""
-            followers = []
-            with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
-                      bar_format=BAR) as bar:  # fmt: skip
-                for k, (case, guard) in enumerate(zip(cases, guards, strict=True)):
-                    interval, follower = meshes[k].interval, None
-                    if coupled:
-                        follower = Follower(coupled, case, guesses[k], layout)
-                        meshes[k] = follower.mesh()
-                        followers.append(follower)
-                        if k and not prepared_for(case):
-                            make_later_case(scene, guesses, k, follower.first_nodes)
-                    # what was edited by hand, and the start of an earlier solver
-                    write_numbers(scene, intervals, interval, meshes[k].planform)
-                    lay = follower.lay_frames if follower else None
-                    prepare(cases, meshes, k, layout, steps[k], quiet, lay)
-                    rightly = resumes_rightly(
-                        version, kind, scene.pinch is not None, interval.moving
-                    )
-                    spent.append(
-                        solve(case, interval, layout, hosts, bar, guard, rightly, follower)
-                    )
-                    remove_frames(case, layout)
-                    if follower:
-                        meshes[k] = follower.mesh()
-                    bar.update(interval.end - bar.n)
-            return followers
-
-        followers = solve_all()
+        spent, followers = [], []
+        with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
+                  bar_format=BAR) as bar:  # fmt: skip
+            for k, (case, guard) in enumerate(zip(cases, guards, strict=True)):
+                interval, follower = meshes[k].interval, None
+                if coupled:
+                    follower = Follower(coupled, case, guesses[k], layout)
+                    followers.append(follower)
+                    meshes[k] = follower.mesh()
+                    if k and not prepared_for(case):
+                        make_later_case(scene, guesses, k, follower.first_nodes)
+                # what was edited by hand, and the start of an earlier solver
+                write_numbers(scene, intervals, interval, meshes[k].planform)
+                lay = follower.lay_frames if follower else None
+                prepare(cases, meshes, k, layout, steps[k], quiet, lay)
+                rightly = resumes_rightly(version, kind, scene.pinch is not None, interval.moving)
+                spent.append(solve(case, interval, layout, hosts, bar, guard, rightly, follower))
+                remove_frames(case, layout)
+                if follower:
+                    follower.catch_up(steps_of(interval.end, step))
+                    meshes[k] = follower.mesh()
+                bar.update(interval.end - bar.n)
         if coupled:
-            result = coupled.history.check()
-            length = scene.finger.length
-            if not result.passes(length) and not coupled.before:
-                if not quiet:
-                    print(f"run: {result.describe(length)}; a second run begins with its motion")
-                coupled.keep_as_first()
-                (cases[0] / STATE).unlink()
-                guards = guards_of()
-                coupled, meshes = Coupled(scene), list(guesses)
-                followers = solve_all()
-                result = coupled.history.check()
-            if not result.passes(length):
-                raise StageError(
-                    f"{scene.folder / 'scene.toml'}: the coupled motion fails its check:"
-                    f" {result.describe(length)}; lower numerics.time_step"
-                )
-            meshes = coupled.write(followers, meshes, result)
+            meshes = coupled.write(followers)
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection
         summary = collect_results(

@@ -157,8 +157,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         if run.why_stale(stage) is None:
             return  # another process made it meanwhile
         if step in until("run"):  # these read, and write, the first guess of a coupled run
-            for guess in ("kinematics", "mesh"):
-                forget_run(run.path(guess))
+            forget_run(run.out)
         if (twin := run.twin(stage)) is not None:
             take_over(run, stage, twin)
             if not quiet:

@@ -8,6 +8,7 @@ angle without load, which follows from the pressure.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from fileio.formats.bending_states import BendingLaw, FloatArray, States
 from pipeline.kinematics.shapes import arc_length, node_angle, profile_splines
+from pipeline.structure.elastic_law import ElasticLaw, law_at
 
 ComplexArray = NDArray[np.complex128]
 _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
@@ -50,6 +52,7 @@ class Chain:
 
     def __init__(self, states: States, law: BendingLaw, width: float) -> None:
         self.pressure, self.law, self.width = states.pressure, law, width
+        self._laws: dict[float, ElasticLaw] = {}
         self._angle, self._length, self.thickness = profile_splines(states)
         tables = law.neutral_axis, law.air_height, law.air_section
         self._axis, self._air_height, self.air_section = (
@@ -62,6 +65,12 @@ class Chain:
         count = max(1, round((last - first) / _PIECES))
         self.joints = np.round(np.linspace(first, last, count + 1)).astype(int)
         self.lengths: FloatArray = np.diff(self.arc[self.joints])
+        # means over each slice of values at the points, by the trapezoidal rule
+        self._mean = np.zeros((last + 1, count))
+        for k, (a, b) in enumerate(pairwise(self.joints)):
+            step = np.diff(self.arc[a : b + 1]) / self.lengths[k]
+            self._mean[a:b, k] += 0.5 * step
+            self._mean[a + 1 : b + 1, k] += 0.5 * step
         # from the middle of one slice to that of the next; the first is clamped where it begins
         between = 0.5 * (self.lengths[1:] + self.lengths[:-1])
         self.springs: FloatArray = np.concatenate([[0.5 * self.lengths[0]], between])
@@ -73,6 +82,12 @@ class Chain:
         moment = 0.5 * height * section - law.rubber_height * law.rubber_section
         moment -= float(self._air_height(at_rest) * self.air_section(at_rest))
         self._gap_height = moment / self.gap_section if self.gap_section > 0 else 0.5 * height
+
+    def law_at(self, pressure: float) -> ElasticLaw:
+        """How a joint answers a moment at `pressure` (Pa)."""
+        if pressure not in self._laws:
+            self._laws[pressure] = law_at(self.law, self.pressure, pressure)
+        return self._laws[pressure]
 
     @property
     def slices(self) -> int:
@@ -91,17 +106,11 @@ class Chain:
         points, angle = self._profile(pressure)
         dorsal = -1j * np.exp(1j * angle)
         joints = (points + self._axis(pressure)[:, None] * dorsal)[:, self.joints]
-        spans = [slice(a, b + 1) for a, b in zip(self.joints[:-1], self.joints[1:], strict=True)]
-
-        def mean(values):
-            """Over the length of each slice, by the trapezoidal rule."""
-            parts = [np.trapezoid(values[:, span], self.arc[span], axis=1) for span in spans]
-            return np.asarray(np.stack(parts, axis=1) / self.lengths, dtype=complex)
 
         def carried(height):
-            return mean(points + height * dorsal) - joints[:, :-1]
+            return (points + height * dorsal) @ self._mean - joints[:, :-1]
 
-        heading = mean(np.exp(1j * angle))
+        heading = np.exp(1j * angle) @ self._mean
         return Unloaded(
             root=joints[:, 0],
             link=np.diff(joints, axis=1),

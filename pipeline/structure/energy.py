@@ -9,7 +9,6 @@ import numpy as np
 
 from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.elastic_law import law_at
 from pipeline.structure.motion import Surroundings, at_standstill, forces, rates_of
 
 _CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
@@ -57,7 +56,7 @@ def energies(
     torque = loads[..., 2]
     bend = np.diff(delta, axis=1, prepend=0.0)
     rate = np.gradient(bend, step, axis=0)
-    laws = [law_at(chain.law, chain.pressure, p) for p in pressure]
+    laws = [chain.law_at(p) for p in pressure]
     moment = np.array([law.moment(b / chain.springs) for law, b in zip(laws, bend, strict=True)])
     stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
     masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))

@@ -11,10 +11,11 @@ from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray, States
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
 from pipeline.kinematics.pressure_law import PressureLaw
+from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
-from pipeline.structure.loads import slice_loads, surface_forces
+from pipeline.structure.loads import slice_loads
 from pipeline.structure.motion import Surroundings, motion
 
 _GRAVITY = 9.81  # m/s²
@@ -128,11 +129,13 @@ class Posed:
     ) -> tuple[FloatArray, float]:
         """Loads (slice + 1, 3) of a sampled surface: N along and across, N m; and about the root.
 
-        The clamped length comes first. `copies`: of the computed part in the whole finger.
+        The clamped length comes first. `copies`: of the computed part in the whole finger;
+        `left_alone`: of two fingers the left one.
         """
-        centre, force = surface_forces(surface, density, left_alone)
+        centre, force, _ = wall_forces(surface, density)
+        kept = centre[:, 0] < 0 if left_alone else slice(None)
+        centre, push = centre[kept, :2], copies * force[kept, :2]
         root = self._finger.in_actuator(centre - self._finger.root)
-        push = copies * force
         moment = float(np.sum((np.conj(root) * self._finger.in_actuator(push)).imag))
         return self.of_forces(centre, push), moment
 

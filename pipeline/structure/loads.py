@@ -1,32 +1,12 @@
-"""From the sampled surface of the finger to forces and moments on the slices of the chain."""
+"""From forces on the finger's wall to forces and moments on the slices of the chain."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from fileio.formats.bending_states import FloatArray
-from pipeline.openfoam.surface_vtk import area_vectors, read_surface
 from pipeline.structure.chain import Chain, ComplexArray, Placed
-
-
-def surface_forces(
-    path: Path, density: float, left_alone: bool = False
-) -> tuple[FloatArray, FloatArray]:
-    """Centres (face, 2) m of a sampled surface's faces, and the water's force (face, 2) N.
-
-    `left_alone`: of two fingers the left one.
-    """
-    surface = read_surface(path)
-    pressure, shear = (np.asarray(surface.cell_data[name]) for name in ("p", "wallShearStress"))
-    # the normals point into the finger; wallShearStress is that of the wall on the water
-    area = area_vectors(surface)
-    force = density * (pressure[:, None] * area - shear * np.linalg.norm(area, axis=1)[:, None])
-    place = np.asarray(surface.cell_centers().points)
-    kept = place[:, 0] < 0 if left_alone else slice(None)
-    return place[kept, :2], force[kept, :2]
 
 
 def middle_line(profile: FloatArray, thickness: FloatArray) -> ComplexArray:

@@ -25,7 +25,7 @@ from pipeline.structure.chain import (
     joint_moments,
     placed,
 )
-from pipeline.structure.elastic_law import LARGEST_SHARE, law_at
+from pipeline.structure.elastic_law import LARGEST_SHARE
 
 STEP = 1e-3  # s, of the finger's own motion
 INERT = ("rubber", "gap", "middle")  # what has velocity or acceleration
@@ -146,7 +146,7 @@ def at_rest(
     Gravity and loads are put on in so many `parts`.
     """
     unloaded = chain.unloaded(np.array([pressure]))
-    law = law_at(chain.law, chain.pressure, pressure)
+    law = chain.law_at(pressure)
     air = chain.air_section(np.array([pressure]))
     delta = np.zeros(chain.slices)
     for part in np.arange(1, parts + 1) / parts:
@@ -180,7 +180,7 @@ def advance(
     """
     earlier = placed(unloaded, times[1:], before)
     bends = np.diff(before, axis=-1, prepend=0.0)
-    law, air = law_at(chain.law, chain.pressure, pressure), chain.air_section(pressure)
+    law, air = chain.law_at(pressure), chain.air_section(pressure)
     damping = around.damping * np.interp(pressure, chain.pressure, chain.law.stiffness)
     if around.inertia is not None:
         still = np.concatenate([np.zeros((1, chain.slices)), before])
@@ -252,7 +252,12 @@ def turning(
     `times` and `delta` (EARLIER + 1, slice): latest first.
     """
     angle = np.unwrap(np.angle(unloaded.heading[times]), axis=0) + delta
-    return np.asarray(np.tensordot(_FELT, angle, 1) / step**2)
+    return felt(angle, step)
+
+
+def felt(values: FloatArray, step: float) -> FloatArray:
+    """Second derivative of values (EARLIER + 1, …), the latest first, as the flow feels it."""
+    return np.asarray(np.tensordot(_FELT, values, 1) / step**2)
 
 
 def _difference(weights: FloatArray, now: Any, before: Any) -> Any:

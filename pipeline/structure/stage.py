@@ -110,7 +110,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     values = _measured_loads(scene, finger, pressures, turns, quiet)
     values |= {"coupled": int(file is not None), "unknown": "" if finger.known else _UNKNOWN}
     if file is not None:
-        names = ("tip_change", "open_energy", "moment_share", "runs", "first_order")
+        names = ("tip_change", "open_energy", "moment_share", "first_order")
         values |= {name: file.attrs[name] for name in names}
         pushed = file["contact_force"].values
         # not its peak: an impact within a step pushes the harder the shorter the step is

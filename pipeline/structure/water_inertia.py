@@ -15,7 +15,7 @@ from fileio.formats.bending_states import FloatArray
 from fileio.formats.mesh_intervals import PER_FINGER
 from pipeline.geometry.quality import cell_areas, cell_centres, planform_edges
 
-_ACCURATE = 1e-2  # of the sources; a fifth of the inertia may be wrong (test_coupling.py)
+_ACCURATE = 1e-2  # of the sources; a third of the inertia may be wrong (test_coupling.py)
 
 
 def forces_of_water(

@@ -11,6 +11,7 @@ import pandas as pd
 
 from fileio.errors import StageError
 from fileio.formats import bending_states
+from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.records import FORCES, RUN, STUDY_PLAN
 from fileio.record import read_record
@@ -79,17 +80,26 @@ def _solver(files: StageFiles) -> dict[str, Any]:
     parts = {"kinetic": balance["kinetic_energy"], "unexplained": balance["unexplained"]}
     parts |= {name: balance["taken"][name] for name in ("viscous", "convection", "coupling")}
     work = abs(balance["work"]) or 1.0  # a finger at rest does none
-    return {key: run[key] for key in keys} | {
-        "time_step_s": run["time_step"],
-        "end_time_s": run["end_time"],
-        "wall_run_s": run["wall_time"],
-        "peak_force_N": float(size.max()),
-        "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
-        "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
-        "work_J": balance["work"],
-        **{f"{name}_part": value / work for name, value in parts.items()},
-        "openfoam": run["versions"].get("OpenFOAM", ""),
-    }
+    coupled = {}
+    if (path := files.optional(str(FILE))) is not None:
+        attributes = read_elastic_motion(path).attrs
+        coupled = {"tip_change_m": attributes["tip_change"]}
+        coupled |= {name: attributes[name] for name in ("open_energy", "moment_share")}
+    return (
+        {key: run[key] for key in keys}
+        | coupled
+        | {
+            "time_step_s": run["time_step"],
+            "end_time_s": run["end_time"],
+            "wall_run_s": run["wall_time"],
+            "peak_force_N": float(size.max()),
+            "impulse_x_Ns": float(np.trapezoid(force["fx"], force["time"])),
+            "impulse_y_Ns": float(np.trapezoid(force["fy"], force["time"])),
+            "work_J": balance["work"],
+            **{f"{name}_part": value / work for name, value in parts.items()},
+            "openfoam": run["versions"].get("OpenFOAM", ""),
+        }
+    )
 
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:

@@ -14,6 +14,8 @@ from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.finger_loads import read_loads
 from fileio.formats.kinematics import SCHEMA
 from fileio.formats.mesh_intervals import read_intervals, read_planform
+from fileio.formats.records import MESH_QUALITY
+from fileio.record import of_run
 from pipeline.mesh import stage as mesh_stage
 from pipeline.mesh.intervals import divide
 from pipeline.run import stage as run_stage
@@ -91,9 +93,14 @@ def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
 def test_the_loads_of_the_run_make_its_motion(solved):
     """The criterion of every coupled run, in one run; on this mesh it is met ten times over."""
     file = read_elastic_motion(solved.out / FILE)
-    assert file.attrs["runs"] == 1
     assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
     assert file.attrs["open_energy"] < 0.02
+    # the quality of its meshes, not of those guessed before
+    quality = MESH_QUALITY.read(of_run(solved.out / "mesh_quality.csv"))
+    bend = np.degrees(read_planform(solved.out, 0)["bend"].values)
+    assert quality["bend_deg"].max() == pytest.approx(bend.max(), rel=1e-5)
+    worst = quality["max_non_orthogonality_deg"].max()
+    assert record(solved)["mesh_quality"]["max_non_orthogonality_deg"] == worst
 
 
 def test_other_machines_are_refused(prepared, tmp_path):

@@ -11,7 +11,7 @@ from fileio.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import Chain, placed
 from pipeline.structure.coupling import Check, Coupling
-from pipeline.structure.motion import Surroundings, motion, past, turning
+from pipeline.structure.motion import Surroundings, felt, motion, past, turning
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 STEP = 2e-3  # s: that of levels draft and coarse
@@ -36,19 +36,22 @@ def inertia_of(chain, mass):
     return found
 
 
-def coupled(chain, water, known, first_order=False, before=None):
-    """The motion in water of the inertia `water`, where the scheme takes it for `known`."""
+def coupled(chain, water, known, swelling=0.0, swelling_known=0.0):
+    """The motion in water of the inertia `water`, where the scheme takes it for `known`.
+
+    `swelling`: loads by the pressure's second derivative, and what the scheme takes them for.
+    """
     history = Coupling(chain, STEP, AIR, PRESSURE)
-    history.inertia, history.first_order = known, first_order
+    history.inertia[..., :-1], history.inertia[..., -1] = known, swelling_known
     for number in range(len(TIME)):
         if number:
             times = past(number)
             rate = turning(history.unloaded, times, history.delta[times], STEP)
-            history.loads[number] = -water @ rate
+            history.loads[number] = -water @ rate - swelling * felt(PRESSURE[times], STEP)
         if history.alternates(number):
             return history, number
         if number + 1 < len(TIME):
-            history.delta[number + 1] = history.next_delta(number, before)
+            history.delta[number + 1] = history.next_delta(number)
     return history, None
 
 
@@ -64,28 +67,29 @@ def truth(chain, water):
     return motion(chain, PRESSURE, STEP, replace(AIR, inertia=water), none)
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.0, 1.2])
-def test_water_that_is_known_within_a_fifth_is_met_in_one_run(chain, water, truth, factor):
-    """0.5 % of the length (the criterion of every run) is a fifth of what 20 % of the mass do."""
+@pytest.mark.parametrize("factor", [0.6, 1.0, 1.5])
+def test_water_that_is_known_roughly_is_met_in_one_run(chain, water, truth, factor):
+    """Below 0.4 the scheme is not stable; what is left at 1.5 is a hundredth of the criterion."""
     history, unstable = coupled(chain, water, factor * water)
     assert unstable is None
     result = history.check()
     assert result.passes(chain.arc[-1])
     apart = chain.profile(PRESSURE, history.delta) - chain.profile(PRESSURE, truth)
-    assert np.hypot(*apart[:, -1].T).max() < 0.005 * chain.arc[-1]
+    assert np.hypot(*apart[:, -1].T).max() < 5e-5 * chain.arc[-1]
     assert np.degrees(np.abs(truth)[:, -1].max()) > 15  # that the water holds back
 
 
-def test_a_second_run_that_the_first_one_guides_is_nearer(chain, water):
-    known = 1.2 * water
-    first, _ = coupled(chain, water, known, first_order=True)
-    second, _ = coupled(chain, water, known, first_order=True, before=(first.delta, first.loads))
-    one, two = first.check(), second.check()
-    assert two.tip < 0.2 * one.tip
+def test_walls_that_the_pressure_moves_push_the_water_at_once(chain, water):
+    """As a finger that swells; taken from the steps before these loads cost accuracy."""
+    turned = np.diff(np.angle(chain.unloaded(np.array([0.0, 1e3])).heading), axis=0)[0] / 1e3
+    swelling = 0.1 * water @ turned  # a tenth of what the turns without load do
+    late, _ = coupled(chain, water, water, swelling)
+    now, _ = coupled(chain, water, water, swelling, swelling)
+    assert now.check().tip < 0.1 * late.check().tip
 
 
 def test_water_that_is_not_known_makes_a_mode_alternate_which_is_noticed(chain, water):
-    _, unstable = coupled(chain, 3 * water, 0.1 * water)
+    _, unstable = coupled(chain, water, 0.3 * water)
     assert unstable is not None
 
 

@@ -55,18 +55,11 @@ class Circle:
     """In place of a finger's shape: the body's circle, displaced as the middle of the slice."""
 
     rest: np.ndarray
-    states: States | None = None
 
-    def with_states(self, states: States) -> Circle:
-        """In other shapes; the first is that at rest."""
-        return replace(self, states=states)
-
-    def outline(self, at: float) -> np.ndarray:
-        """Closed outline (point, 2) m in the tank."""
-        assert self.states is not None
-        along, across = (self.states.profile[:, -1] - self.states.profile[:, -2]).T
-        turn = np.arctan2(across, along)
-        return self.rest + 0.5 * LENGTH * (turn[int(at)] - turn[0]) * FRAME[1]
+    def outline_of(self, profile: np.ndarray, _: np.ndarray) -> np.ndarray:
+        """Closed outline (point, 2) m in the tank, of the slice's profile (point, 2)."""
+        along, across = profile[-1] - profile[-2]
+        return self.rest + 0.5 * LENGTH * np.arctan2(across, along) * FRAME[1]
 
 
 def _foot(time: np.ndarray, derivative: int = 0) -> np.ndarray:
