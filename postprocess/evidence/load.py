@@ -70,12 +70,15 @@ def load_evidence(files: StageFiles) -> Evidence:
 def single_finger(pinch: Scene) -> tuple[dict[str, pd.DataFrame], str]:
     """Vortices by source of the single finger that a pinch extends, with its `bend` (rad).
 
-    The second is the sentence that says why there are none, or none of PIV.
+    It is moved as the pinch is: by a law, or coupled. The second is the sentence that says why
+    there are none, or none of PIV.
     """
     if not pinch.parents:
         return {}, "the scene extends no scene of a single finger, so nothing is compared with one"
     folder, level = pinch.parents[-1], pinch.level
     alone = open_run(folder, level)
+    if pinch.coupled:
+        alone = open_run(folder, level, {"motion.source": "structure"}, alone.out / "coupled")
     tables = {}
     for source in FILES:
         # a stale table is that of another motion
@@ -90,7 +93,8 @@ def single_finger(pinch: Scene) -> tuple[dict[str, pd.DataFrame], str]:
         else f"the single finger at level {level} was not run as it is, so nothing is compared"
         " with it"
     )
-    return tables, f"{absent}: make {folder.name} LEVEL={level}"
+    command = f"make {folder.name} LEVEL={level}{' COUPLED=1' * pinch.coupled}"
+    return tables, f"{absent}: {command}"
 
 
 def read_clock(scene: Scene, plane: xr.Dataset) -> Clock:

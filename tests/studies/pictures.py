@@ -61,11 +61,12 @@ def copy_figures(scene: str, level: str) -> None:
 def copy_numbers(scene: str, level: str) -> None:
     """What a run found and took, as the tables of its page: docs/scenes/."""
     out = load_scene(Path("cases") / scene, level).out
+    name = scene if level == "coarse" else f"{scene}_{level}"
     checks = json.loads((out / "comparison.json").read_text(encoding="utf-8"))["checks"]
     columns = ("finding", "asked for", "measured", "verdict")
     rows = [(c["finding"], requirement(c), measured_text(c), VERDICTS[c["met"]]) for c in checks]
     found = [dict(zip(columns, row, strict=True)) for row in rows]
-    write_table(DOCS / f"scenes/{scene}_findings.csv", columns, found)
+    write_table(DOCS / f"scenes/{name}_findings.csv", columns, found)
 
     run = RUN.read(out / "run/run.json")
     balance = run["power_balance"]
@@ -84,8 +85,8 @@ def copy_numbers(scene: str, level: str) -> None:
         "taken by coupling pressure and velocity": f"{taken['coupling'] / work:.0%}",
         "unexplained": f"{abs(balance['unexplained_fraction']):.1%}",
     }
-    taken_by = [{"run": name, "value": value} for name, value in facts.items()]
-    write_table(DOCS / f"scenes/{scene}_run.csv", ("run", "value"), taken_by)
+    taken_by = [{"run": fact, "value": value} for fact, value in facts.items()]
+    write_table(DOCS / f"scenes/{name}_run.csv", ("run", "value"), taken_by)
 
 
 def _copy(picture: Path, target: Path) -> None:

@@ -74,8 +74,9 @@ def lift(evidence: Evidence, width: float, density: float, viscosity: float) -> 
     """What the flow between the fingers lifts; `width` of a finger across the sheet (m).
 
     `flux_*` (N): ρ ∫ v |v| over the level surface between the fingers, a tip width above the tips,
-    means over the approach and after contact. `excess_*`: `held_excess` at the best height of x = 0
-    from the tips to three tip widths above them. `rise` (m): of a free sphere until LATE.
+    means over the approach and after contact. `excess_*`: the same means of `held_excess` on x = 0,
+    at the best height above the tips where the fingers are two diameters apart. `rise` (m): of a
+    free sphere from such a height, from the beginning of the approach until LATE.
     """
     plane, clock = evidence.planes["cfd"], evidence.clock
     x, y, times = (plane[name].values for name in ("x", "y", "time"))
@@ -83,28 +84,27 @@ def lift(evidence: Evidence, width: float, density: float, viscosity: float) -> 
     assert met is not None
     begin, near = (gap_reached(clock, gap) for gap in APPROACH)
     used = np.flatnonzero((times >= begin) & (times <= met + LATE))
-    columns, share = beside_middle(x)
-    rows, flux = [], []
-    for k in used:
-        (_, v), valid = frame(plane, int(k))
-        tip = plane["tip"].values[k, :, 1].mean()
-        rows.append(on_middle(np.where(valid, v, np.nan)[:, columns], share))
-        row = int(np.argmin(np.abs(y - tip - size)))
-        outlines = plane["outline"].values[k]
-        inner = min(np.abs(crossings(one, y[row])).min() for one in outlines)
-        across = valid[row] & (np.abs(x) < inner)
-        flux.append(density * width * (x[1] - x[0]) * (v * np.abs(v))[row, across].sum())
-    time, middle = times[used], np.array(rows)
     tips = plane["tip"].values[used, :, 1].mean(axis=1)
-    above = (y > tips[:, None]) & (y < tips[:, None] + 3 * size)
+    columns, share = beside_middle(x)
+    rows, flux, there = [], [], []
+    for k, tip in zip(used, tips, strict=True):
+        (_, v), valid = frame(plane, int(k))
+        rows.append(on_middle(np.where(valid, v, np.nan)[:, columns], share))
+        left = plane["outline"].values[k, 0]
+        inner = np.array([np.abs(crossings(left, height)).min(initial=np.inf) for height in y])
+        row = int(np.argmin(np.abs(y - tip - size)))
+        across = valid[row] & (np.abs(x) < inner[row])
+        flux.append(density * width * (x[1] - x[0]) * (v * np.abs(v))[row, across].sum())
+        there.append((inner > DIAMETER) & (y > tip) & (y < tip + 3 * size))
+    time, middle = times[used], np.array(rows)
     excess = held_excess(middle, acceleration(time, y, middle), DIAMETER, viscosity)
-    excess = np.nanmax(np.where(above, excess, -np.inf), axis=1)
-    spans = {"approach": time <= near, "after": time >= met + SETTLED}
-    out = {f"flux_{name}": float(np.mean(np.array(flux)[span])) for name, span in spans.items()}
-    out |= {f"excess_{name}": float(np.mean(excess[span])) for name, span in spans.items()}
-    starts = np.linspace(tips[0], tips[0] + 3 * size, 61)
-    rise = carried(time, y, np.nan_to_num(middle), starts) - starts
-    return out | {"excess_peak": float(excess.max()), "rise": float(rise.max())}
+    out = {}
+    for name, span in {"approach": time <= near, "after": time >= met + SETTLED}.items():
+        out[f"flux_{name}"] = float(np.mean(np.array(flux)[span]))
+        heights = np.all(np.array(there)[span], axis=0)
+        out[f"excess_{name}"] = float(excess[span][:, heights].mean(axis=0).max())
+    rise = carried(time, y, np.nan_to_num(middle), y[there[0]]) - y[there[0]]
+    return out | {"rise": float(rise.max())}
 
 
 def rows_of(name: str, run: Run, evidence: Evidence) -> pd.DataFrame:

@@ -5,10 +5,13 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from pipeline.scene.scene import load_scene
 from postprocess.compare.pinch_quantities import PINCH_QUANTITIES
 from postprocess.evidence.evidence import Evidence, Part
+from postprocess.evidence.load import single_finger
 from postprocess.evidence.pair_integrals import COLUMNS
 from postprocess.evidence.time_windows import Clock
+from tests.conftest import ROOT
 
 WINDOW = (0.2, 0.3)
 TIME = np.linspace(*WINDOW, 11)
@@ -71,3 +74,11 @@ def test_the_side_is_that_of_the_strongest():
     assert measure("pair_side", dorsal + stronger_left) == "different"
     with pytest.raises(ValueError, match="no vortex at both tips"):
         measure("pair_side", [row for row in dorsal if row[3] == 0])
+
+
+def test_a_coupled_pinch_is_compared_with_a_coupled_single_finger(tmp_path):
+    pinch = ROOT / "cases" / "pinch"
+    scene = load_scene(pinch, "reference", {"motion.source": "structure"}, tmp_path)
+    assert single_finger(scene)[1].endswith("make single_finger LEVEL=reference COUPLED=1")
+    scene = load_scene(pinch, "reference")
+    assert single_finger(scene)[1].endswith("make single_finger LEVEL=reference")
