@@ -23,7 +23,6 @@ from postprocess.evidence.time_windows import Clock
 from postprocess.evidence.vortex_pairs import pair_vortices
 
 FILES = {"cfd": "sheet.h5", "piv": "piv.h5"}
-_FINGER = {"tip", "bend", "outline"}
 
 
 def read_sources(files: StageFiles) -> tuple[dict[str, xr.Dataset], dict[str, pd.DataFrame]]:
@@ -42,12 +41,6 @@ def load_evidence(files: StageFiles) -> Evidence:
     """What was run, with the velocity sums of CFD and PIV, and of two fingers their pairs."""
     planes, vortices = read_sources(files)
     cfd = planes["cfd"]
-    missing = sorted(_FINGER - set(cfd))
-    if missing:
-        raise ValueError(
-            f"{files.out / 'sheet.h5'}: variable {missing[0]!r} is missing;"
-            " run the stage 'sheet' again"
-        )
     scale, _ = peak_tip_speed(cfd["time"].values, cfd["tip"].values)
     sums = {"piv-cfd": fields.field_sums(cfd, planes["piv"])} if "piv" in planes else {}
     clock = read_clock(files.numbers, cfd)

@@ -44,6 +44,7 @@ def requirement(check: dict[str, Any]) -> str:
     return f"{sign}{quantity(value, unit)}{extra}"
 
 
+_TRIAL = "not judged"  # by a level that is for trying out
 _SENTENCES = {"met": True, "not met": False}
 _ABOUT = {
     "circulation_difference": "the circulation of the tip vortex",
@@ -68,7 +69,7 @@ def quoted(
         measured = [f"{check['label']}: {measured_text(check)}" for check in tested]
         text = "; ".join(measured) + (". " if measured and entry["why"] else "") + entry["why"]
         met = None if trial else _SENTENCES.get(entry["verdict"])
-        word = VERDICTS[met] if entry["findings"] else "not tested"
+        word = "not tested" if not entry["findings"] else _TRIAL if trial else VERDICTS[met]
         windows = [check["window_s"] for check in tested if check["window_s"]]
         beside = None
         if windows:
@@ -162,7 +163,11 @@ def rows(comparison: dict[str, Any], trial: bool = False) -> list[dict[str, Any]
             for of, value in check["measured"].items()
         ]
         met = None if trial else check["met"]
-        more = {"required": requirement(check), "word": VERDICTS[met], "met": met}
+        more = {
+            "required": requirement(check),
+            "word": _TRIAL if trial else VERDICTS[met],
+            "met": met,
+        }
         out.append(check | more | {"measured": measured, "window": check["window"] + seconds})
     return out
 

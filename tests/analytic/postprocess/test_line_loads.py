@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import xarray as xr
 
 from postprocess.evidence.line_loads import load_table
@@ -25,12 +24,3 @@ def test_loads_of_two_sources_side_by_side() -> None:
     assert list(table["time"]) == [0.05, 0.15, 0.25]
     np.testing.assert_allclose(table["moment_cfd"], [1.5, 2.5, 3.5])
     assert set(table["moment_piv_std"]) == {0.2}
-
-
-def test_what_has_no_loads_or_no_common_time_is_refused() -> None:
-    """In one sentence."""
-    own = series([0.0, 0.1], [1.0, 2.0])
-    with pytest.raises(ValueError, match="no outline"):
-        load_table(own.drop_vars("line_moment"), own)
-    with pytest.raises(ValueError, match="no common time"):
-        load_table(series([0.5, 0.6], [1.0, 2.0]), own)
