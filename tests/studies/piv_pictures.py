@@ -1,4 +1,4 @@
-"""`make docs`: pictures of PIV, by the commands of its tutorial, and of turbulence."""
+"""`make docs`: pictures of PIV, by the commands of its pages, and of turbulence."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv.foreign.read import with_units
+from tests.shared_data import shared_data
 from tests.studies.piv.turbulence_field import TurbulentPlane
 
 FRAMES = Path("docs/tutorials/frames").resolve()
@@ -41,9 +42,19 @@ def turbulence(picture: Path, folder: Path) -> None:
     piv(f"plot turbulence.h5 --vortices turbulence.csv -o {picture}", folder)
 
 
+def karman(data: Path, picture: Path, folder: Path) -> None:
+    """Vortices of a recorded wake, from PIVlab's example images in `data`."""
+    frames = " ".join(f"{data}/pivlab_karman/PIVlab_Karman_0{k}.bmp" for k in (1, 2))
+    piv(f"correlate {frames} -o karman.h5", folder)
+    piv("vortices karman.h5 -o karman.csv", folder)
+    piv(f"plot karman.h5 --vortices karman.csv -o {picture}", folder)
+
+
 def draw(docs: Path) -> None:
-    """Both pictures."""
+    """All pictures; that of the recorded wake where its images are (SHARED_DATA)."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         tutorial((docs / "tutorials/piv.png").resolve(), folder)
         turbulence((docs / "vortices_turbulence.png").resolve(), folder)
+        if data := shared_data():
+            karman(data, (docs / "vortices_karman.png").resolve(), folder)
