@@ -66,7 +66,7 @@ def _evidence(files: StageFiles) -> Iterator[tuple[Flow, dict[str, Any]]]:
     planes, tables = read_sources(files)
     try:
         clock = read_clock(files.numbers, planes["cfd"])
-        dominant = tip_vortices(planes["cfd"], tables, comparison["middle_of_stroke_s"])
+        dominant = tip_vortices(planes["cfd"], tables, clock, comparison["middle_of_stroke_s"])
         yield Flow(planes, tables, dominant, comparison["scale"]["value"], clock), comparison
     finally:
         for plane in planes.values():

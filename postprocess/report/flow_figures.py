@@ -18,8 +18,8 @@ from postprocess.draw.style import NAMES, WIDTH
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.fields import difference
-from postprocess.evidence.strokes import stroke_window
-from postprocess.evidence.time_windows import Clock
+from postprocess.evidence.strokes import MIDDLE, stroke_window
+from postprocess.evidence.time_windows import Clock, Window, interval
 from postprocess.report.picture_index import Album
 
 FRAMES = 51  # of the slider
@@ -28,12 +28,21 @@ _AFTER_CONTACT = (0.0, 0.15)  # s: instants shown of a pinch
 
 
 def tip_vortices(
-    plane: xr.Dataset, tables: dict[str, pd.DataFrame], middle: tuple[float, float]
+    plane: xr.Dataset, tables: dict[str, pd.DataFrame], clock: Clock, middle: tuple[float, float]
 ) -> Tracks:
-    """By source each finger's vortex: the dominant one of mid-stroke, or of a pinch the pair."""
+    """By source each finger's vortex: the dominant one of each stroke, or of a pinch the pair."""
     if plane.sizes["finger"] < 2:
-        dominant = tracks.dominant_tracks(tables, 0, middle)
-        return {source: [track] for source, track in dominant.items()}
+        windows, edges = [middle], [-np.inf, np.inf]
+        if len(clock.starts) > 1:
+            parts = [Window("part", MIDDLE, k) for k in range(len(clock.starts))]
+            windows = [interval(part, clock) for part in parts]
+            edges[1:1] = clock.starts[1:]  # each stroke's vortex until the next stroke
+        found: Tracks = {}
+        for window, first, last in zip(windows, edges[:-1], edges[1:], strict=True):
+            for source, rows in tracks.dominant_tracks(tables, 0, window).items():
+                during = rows[rows["time"].between(first, last, inclusive="left")]
+                found.setdefault(source, []).append(during)
+        return {source: [pd.concat(rows, ignore_index=True)] for source, rows in found.items()}
     paired = {source: pairs.pair_vortices(table) for source, table in tables.items()}
     return {
         s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)

@@ -52,6 +52,7 @@ def make_report(files: StageFiles) -> Path:
         sentences=sentences,
         unquoted=unquoted,
         middle=comparison["middle_of_stroke_s"],
+        strokes=len(scene["motion"]["strokes"]),
         sections=sections,
         pinch=pinch,
         pinch_table=pinch_table(pinch) if pinch else None,

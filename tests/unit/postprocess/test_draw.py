@@ -7,6 +7,8 @@ from fileio.formats.plane_series import make_plane
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
 from postprocess.draw.style import new_figure
 from postprocess.draw.tradeoff import label_points
+from postprocess.evidence.time_windows import Clock
+from postprocess.report.flow_figures import tip_vortices
 from tests.synthetic_stroke import finger_series
 
 
@@ -72,3 +74,16 @@ def test_no_mark_in_a_hole_of_the_vectors():
     ]
     assert (drawn[0] == drawn[1]).all()
     assert (drawn[1] != drawn[2]).any()
+
+
+def test_each_stroke_shows_the_vortex_of_its_own():
+    time = np.linspace(0.0, 1.0, 101)
+    bend = np.where(time < 0.5, 2 * time, 2 - 2 * time)  # there and back
+    clock = Clock(time, bend, starts=(0.0, 0.5))
+    rows = {"x": 0.0, "y": 0.0, "radius": 0.01, "finger": 0, "side": "", "tip_distance": 1.0}
+    first = pd.DataFrame({"time": time, "track": 1, "circulation": -2.0} | rows)
+    second = pd.DataFrame({"time": time[40:], "track": 2, "circulation": 3.0} | rows)
+    table = pd.concat([first, second], ignore_index=True)
+    (shown,) = tip_vortices(plane_of([0.0, 40.0]), {"cfd": table}, clock, (0.6, 0.9))["cfd"]
+    assert (shown["track"] == np.where(shown["time"] < 0.5 - 1e-9, 1, 2)).all()
+    assert len(shown) == 101
