@@ -19,7 +19,7 @@ COMMANDS = {
     "render": "a plane series to a synthetic recording",
     "vortices": "a plane series to a table of vortices and their tracks",
     "calibrate": "scale, origin and lens distortion from points or a target",
-    "mask": "masks from a polygon, an image or a dark body",
+    "mask": "masks from a polygon, moving outlines or a dark body",
     "plot": "vectors over vorticity with vortex centres, as a picture",
     "animate": "the same over time, as MP4 or GIF",
     "stats": "mean, RMS, Reynolds stresses over time, per phase or per bin",

@@ -1,4 +1,4 @@
-"""Masks of a recording: from a polygon, an image, moving outlines, or a dark body."""
+"""Masks of a recording: from a polygon, moving outlines, or a dark body."""
 
 from __future__ import annotations
 
@@ -28,12 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help="a folder: one PNG per frame, white = body; a .png: one for all frames "
-        "(--polygon, --image)",
+        help="a folder: one PNG per frame, white = body; a .png: one for all frames (--polygon)",
     )
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument("--polygon", type=Path, help="CSV of corners x_px, y_px (y up)")
-    kind.add_argument("--image", type=Path, help="an image, not black = body")
     kind.add_argument(
         "--outline", type=Path, help=".h5 with the variable outline (kinematics, plane series)"
     )
@@ -83,11 +81,11 @@ def run(args: argparse.Namespace) -> None:
     with open_recording(args.recording) as recording:
         set_clock(recording, recording.pairing or PAIRINGS[0], args.interval, args.rate)
         if args.output.suffix.lower() == ".png":
-            if args.polygon is None and args.image is None:
+            if args.polygon is None:
                 raise ValueError(
                     f"{args.output}: a moving mask is a folder of images; give a folder"
                 )
-            still = read_mask(args.polygon or args.image, recording.shape)
+            still = read_mask(args.polygon, recording.shape)
             _save(still, args.output)
             if not args.quiet:
                 print(f"{args.output}: {still.mean():.1%} of the picture masked")
@@ -125,7 +123,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], nd
 
         return dark
     if args.outline is None:
-        still = read_mask(args.polygon or args.image, recording.shape)
+        still = read_mask(args.polygon, recording.shape)
         return lambda i: still
     scale = args.scale_mm_per_px
     pixel = scale * 1e-3 if scale else pixel_of(recording.attrs)
