@@ -1,6 +1,6 @@
 """Scenes drawn from the models' own types: refused in one sentence, or made up to the case.
 
-python -m tests.studies.fuzz.scenes --table docs/stability/scenes.csv
+python -m tests.studies.fuzz.scenes: what the table holds is not made again; delete it first.
 """
 
 from __future__ import annotations
@@ -252,7 +252,8 @@ def main() -> None:
     parser.add_argument("--examples", type=int, default=2000, help="far and near (%(default)s)")
     parser.add_argument("--solved", type=int, default=1000, help="of these, solved where accepted")
     parser.add_argument("--ordinary", type=int, default=200, help="well inside (%(default)s)")
-    parser.add_argument("--table", type=Path, required=True, help="CSV to go on with")
+    table = Path("docs/stability/scenes.csv")
+    parser.add_argument("--table", type=Path, default=table, help="to go on with (%(default)s)")
     args = parser.parse_args()
     lines = ["scenes,first,outcome,count"]
     if args.table.exists():
