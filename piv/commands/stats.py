@@ -16,7 +16,7 @@ from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 
-PHASES = 16  # of an average over a period
+_PHASES = 16  # of an average over a period
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="conditional average: a column of --table, or a variable of the series over time",
     )
     parser.add_argument("--start", type=float, help="time of phase 0 with --period (default 0)")
-    parser.add_argument("--phases", type=int, help=f"number of phases (default {PHASES})")
+    parser.add_argument("--phases", type=int, help=f"number of phases (default {_PHASES})")
     parser.add_argument(
         "--table", type=Path, help="CSV with columns time and NAME, linear between its rows"
     )
@@ -104,7 +104,7 @@ def _groups_of(
         turned = trigger_phases(times, read_columns(path, column)[0])
     else:
         return None, None, ""
-    number = PHASES if args.phases is None else args.phases
+    number = _PHASES if args.phases is None else args.phases
     if number < 1:
         raise ValueError(f"--phases must be at least 1, got {number}")
     return *bins(turned, np.arange(number + 1) / number), "cycle"

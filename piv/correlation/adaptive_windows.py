@@ -34,21 +34,21 @@ LEVELS = (
     0.5,
     0.375,
 )  # sides of windows over the largest; those between are their blends
-BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
+_BALANCE = 2.0  # of noise over unresolved variance: where they are so, the window is right
 ENOUGH = 2.0  # of the side: where so large a window would do, nodes need not be denser
 # side in place of 1 where only nodes are denser: longer waves are then followed to a larger part
 DENSE = 0.99
 LEAST = 5  # vectors: side of the smallest region whose windows shrink
 STEPS = 4  # Newton steps in the smaller windows
-AREAS = (
+_AREAS = (
     10.0,
     2.5,
 )  # σ of the window: where residuals are averaged, the smaller area where it is certain
-CERTAIN = 3.0  # standard errors
+_CERTAIN = 3.0  # standard errors
 # noise of neighbouring cells over that of `noise_budget`, as measured in uniform flow (±0.05)
 LEFT = 1.09
 # of the variance that the largest window does not resolve, where nodes are denser only
-UNRESOLVED = 0.6
+_UNRESOLVED = 0.6
 # on the variance of windows of `side` over the largest: 70 % of the errors are then covered
 SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
@@ -65,7 +65,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
     for g, h in zip(residual_gradients(nodes, v), (v.cells[2], v.cells[4]), strict=True):
         products = [g * g, g * _around(g), h * h, h * _around(h)]
         missed = np.zeros(g.shape, float32)
-        for area in AREAS:
+        for area in _AREAS:
             width = area * sigma / CELL
             one, nine, h_one, h_nine = (
                 cv2.GaussianBlur(p, (0, 0), width, borderType=cv2.BORDER_REPLICATE)
@@ -73,7 +73,7 @@ def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, step
             )
             shared = nine - left * one
             # of pure noise: eight products per cell, each counted from both sides
-            certain = CERTAIN * one * 4 / np.sqrt(4 * np.pi * width**2)
+            certain = _CERTAIN * one * 4 / np.sqrt(4 * np.pi * width**2)
             curvature = np.maximum(ALIKE * (h_nine - left * h_one), 1e-12)
             # what a larger area holds may lie all on one side of the cell
             differs = (shared > certain) | (missed * curvature - shared > certain)
@@ -98,7 +98,7 @@ def window_ratio(v: Displacements, errors: Errors, options: Options) -> ndarray:
     if options.least_window >= options.window:
         return np.ones(v.dx.shape, float32)
     noise, missed = errors.var_x + errors.var_y, errors.missed_x + errors.missed_y
-    ratio = np.sqrt(BALANCE * noise / np.maximum(missed, 1e-12))
+    ratio = np.sqrt(_BALANCE * noise / np.maximum(missed, 1e-12))
     limited = np.clip(ratio, min(options.least_window / options.window, DENSE), DENSE)
     # a smaller region is chance: residuals are averaged over more
     wanted = cv2.morphologyEx(
@@ -176,7 +176,7 @@ def _errors(
         if level == 1:
             gain /= noise_budget(sigma, 2 * spacing, options.full_steps)[0]
             terms = [gain * denser(e) for e in largest[:2]] + [
-                UNRESOLVED * denser(e) for e in largest[2:]
+                _UNRESOLVED * denser(e) for e in largest[2:]
             ]
         else:
             gain, kept = noise_budget(sigma, spacing, passes, not alike)

@@ -12,7 +12,7 @@ from numpy import ndarray
 _kept = threading.local()
 New = Callable[..., ndarray]
 # bytes: glibc keeps the memory of smaller arrays once an array of this size has been freed
-FREED = 31 * 2**20
+_FREED = 31 * 2**20
 
 
 def fresh(*shape: int) -> ndarray:
@@ -28,7 +28,7 @@ def image_buffers(size: tuple[int, ...]) -> Iterator[New]:
     """
     if getattr(_kept, "size", None) != size:
         _kept.size, _kept.free = size, {}
-        np.empty(FREED, np.uint8)  # freed at once
+        np.empty(_FREED, np.uint8)  # freed at once
     free: dict[tuple[int, ...], list[ndarray]] = _kept.free
     taken: list[ndarray] = []
 

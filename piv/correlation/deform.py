@@ -205,14 +205,14 @@ def spline_value(vectors: ndarray) -> ndarray:
     )
 
 
-BORDER = 4  # nodes round a region that are measured with it; more where its windows reach farther
+_BORDER = 4  # nodes round a region that are measured with it; more where its windows reach farther
 
 Box = tuple[slice, slice]  # rows and columns of nodes
 
 
 def with_border(box: Box, nodes: Nodes, sigma: float) -> Box:
     """A box with the nodes round it that warp the images in its windows (σ in px)."""
-    border = max(BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
+    border = max(_BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
     rows, columns = (
         slice(max(s.start - border, 0), min(s.stop + border, axis.size))
         for s, axis in zip(box, (nodes.y, nodes.x), strict=True)

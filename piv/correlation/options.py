@@ -16,7 +16,7 @@ from fileio.errors import suggestion
 # Newton steps at half and at full resolution; how often the frequency weights are measured
 PRESETS = {"fast": (2, 2, 1), "balanced": (3, 3, 1), "accurate": (4, 6, 2)}
 WINDOW = (8, 512)  # px: bounds of Options.window
-METHODS = ("correlation", "optical_flow")
+_METHODS = ("correlation", "optical_flow")
 
 
 def grid(length: int, spacing: float) -> ndarray:
@@ -60,8 +60,8 @@ class Options:
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
-        if self.method not in METHODS:
-            raise ValueError(f"method must be one of {', '.join(METHODS)}, got {self.method!r}")
+        if self.method not in _METHODS:
+            raise ValueError(f"method must be one of {', '.join(_METHODS)}, got {self.method!r}")
         if not WINDOW[0] <= self.window <= WINDOW[1]:
             raise ValueError(
                 f"window must be between {WINDOW[0]} and {WINDOW[1]} px, got {self.window}"

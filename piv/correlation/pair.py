@@ -43,7 +43,7 @@ from piv.validation.outliers import RARE, fill_absent, supported
 
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
-VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
+_VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
 
 
 @with_options
@@ -208,11 +208,11 @@ def to_dataset(
     above = known & (worst > options.max_std)
     if v.steep is not None:
         above &= ~v.steep | (
-            worst > VAGUE
+            worst > _VAGUE
         )  # up to there it is only an upper bound (Errors.in_small_window)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
-    uncertain = above & (worst < VAGUE)
+    uncertain = above & (worst < _VAGUE)
     if known.sum() < RARE * (~v.masked).sum():
         uncertain &= v.correlation > doubtful
     flag = np.full(known.shape, VALID, np.uint8)

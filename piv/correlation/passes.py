@@ -19,10 +19,10 @@ from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options, grid
 from piv.validation.outliers import fill_absent, normalised_median
 
-FFT_WINDOWS = (64, 32)  # at half resolution
-FFT_SPACING = 0.75  # of these windows, as a part of their size: they only need to find whole pixels
+_FFT_WINDOWS = (64, 32)  # at half resolution
+_FFT_SPACING = 0.75  # of the size of these windows, which only need to find whole pixels
 NEAR = 0.75  # side over the largest window's: smaller windows are tested against 3 x 3 neighbours
-RESEED = 32  # px: side of the windows in which outliers are searched again
+_RESEED = 32  # px: side of the windows in which outliers are searched again
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +84,12 @@ def first_passes(
     """
     largest = min(max(search // 2, 16), *shape)
     sizes = sorted(
-        (s for s in {min(search // 2, 512), *FFT_WINDOWS} if s <= largest), reverse=True
+        (s for s in {min(search // 2, 512), *_FFT_WINDOWS} if s <= largest), reverse=True
     ) or [16]
     gx = gy = np.zeros(0, np.int64)
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
-        step = FFT_SPACING * size
+        step = _FFT_SPACING * size
         cx = np.unique(np.rint(grid(shape[1], step)).astype(np.int64))
         cy = np.unique(np.rint(grid(shape[0], step)).astype(np.int64))
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
@@ -213,8 +213,8 @@ def reseed(
             np.rint(nodes.row[j]).astype(np.int64),
         )
         shift_x, shift_y = np.rint(dx[j, i]).astype(np.int64), np.rint(dy[j, i]).astype(np.int64)
-        maps = fft_pass.window_maps(pixels[0], pixels[1], column, row, shift_x, shift_y, RESEED)
-        peaks = fft_pass.find_peaks(maps, shift_x, shift_y, RESEED // 4)
+        maps = fft_pass.window_maps(pixels[0], pixels[1], column, row, shift_x, shift_y, _RESEED)
+        peaks = fft_pass.find_peaks(maps, shift_x, shift_y, _RESEED // 4)
         first = np.hypot(peaks.dx - dx[j, i], peaks.dy - dy[j, i])
         other = np.hypot(peaks.second_x - dx[j, i], peaks.second_y - dy[j, i])
         near = 1.5  # px: reach of a Newton step; beyond it the neighbours are the better predictor

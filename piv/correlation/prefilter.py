@@ -21,7 +21,7 @@ BOX = 7  # px at half resolution: of the local mean
 # the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
 # halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
-LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
+_LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
 def remove_background(image: ndarray, seen: ndarray | None, new: New = fresh) -> ndarray:
@@ -46,7 +46,7 @@ def remove_background(image: ndarray, seen: ndarray | None, new: New = fresh) ->
 
 def default_response() -> ndarray:
     """Amplitude response, on the rfft2 frequencies of a tile, before the spectra are measured."""
-    return np.exp(-2 * (np.pi * LOWPASS * _radial_frequency()) ** 2)
+    return np.exp(-2 * (np.pi * _LOWPASS * _radial_frequency()) ** 2)
 
 
 Kernel = tuple[ndarray, ndarray]  # along rows, along columns

@@ -27,14 +27,14 @@ from piv.validation.outliers import fill_absent
 POOR, SPREADS = 0.8, 8.0
 MOST = 0.25  # of all vectors: more poor ones mean poor images, not a region
 FEWEST = 3  # vectors of a region: fewer are noise or outliers, which the median test finds
-ROUNDS = 10  # of extrapolation and Newton steps
+_ROUNDS = 10  # of extrapolation and Newton steps
 # rounds in succession that leave LEFT or more of the fewest poor vectors so far end the search
 IDLE = 2
 # 1 would go on for every vector gained, and regions took two thirds of the time of a public pair;
 # to stop earlier, and to measure the poor vectors' windows alone, changed the benchmark's errors by
 # 1 % at most
 LEFT = 0.95
-INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
+_INWARD_WINDOW = 0.75  # of the window during the passes: it holds fewer wrong vectors
 LOST = 0.7  # of the median correlation: a vector below it is an outlier in the end
 WHOLE = 0.9  # unmasked share of a window's weight: below it the small window is used in the end
 
@@ -100,7 +100,7 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
     local, crops = cut(nodes, images, part, density, options.sigma)
     dx, dy = vectors.dx[part], vectors.dy[part]
     masked = vectors.masked[part]
-    sigma = (INWARD_WINDOW if density == 1 else SMALL) * options.sigma
+    sigma = (_INWARD_WINDOW if density == 1 else SMALL) * options.sigma
 
     dx, dy = _continue_linearly(dx, dy, ~masked)
     if density > 1:
@@ -124,7 +124,7 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
     if density > 1:
         best_x, best_y = dx, dy
     fewest, idle = poor.size, 0
-    for k in range(ROUNDS):
+    for k in range(_ROUNDS):
         low = poor & (correlation < target)
         count = np.count_nonzero(low)
         idle = idle + 1 if count >= LEFT * fewest else 0
@@ -143,7 +143,7 @@ def _region(nodes, images, vectors, poor, part, target, options, density):
 
 REACH = 3  # nodes: distance to which good vectors enter the fit of a plane
 WIDTH = 1.5  # nodes: standard deviation of their weight
-RIDGE = 0.1  # nodes²: limits the slope where the good vectors lie on a line
+_RIDGE = 0.1  # nodes²: limits the slope where the good vectors lie on a line
 LEAST = 0.1  # total weight of good vectors below which no plane is fitted
 
 _AXIS = np.arange(-REACH, REACH + 1, dtype=float32)
@@ -167,7 +167,7 @@ def _continue_linearly(u: ndarray, v: ndarray, good: ndarray) -> tuple[ndarray, 
     m, mx, my, mxx, myy, mxy = _sums(good.astype(float32), *linear, (2, 0), (0, 2), (1, 1))
     total = np.maximum(m, 1e-9)
     cx, cy = mx / total, my / total  # centroid of the good vectors
-    xx, yy, xy = mxx / total - cx**2 + RIDGE, myy / total - cy**2 + RIDGE, mxy / total - cx * cy
+    xx, yy, xy = mxx / total - cx**2 + _RIDGE, myy / total - cy**2 + _RIDGE, mxy / total - cx * cy
     det = xx * yy - xy**2
     fitted = ~good & (m > LEAST)
     out = []

@@ -135,7 +135,7 @@ def noise_budget(
     )
 
 
-LAG = 2  # cells: longer than particle images, shorter than the structures of interest
+_LAG = 2  # cells: longer than particle images, shorter than the structures of interest
 WIDER = 2.0  # windows: width of the area over which unresolved displacement is averaged
 SURE = 4.0  # standard errors above which residual correlation is not noise
 
@@ -149,7 +149,7 @@ def unresolved(nodes: Nodes, v: Displacements, sigma: float):
     left, cells = residual_gradients(nodes, v), v.cells
     width = WIDER * sigma / (nodes.factor * CELL)
     count = 4 * np.pi * width**2 * 2
-    apart = np.zeros(2 * LAG + 1, np.float32)
+    apart = np.zeros(2 * _LAG + 1, np.float32)
     apart[0] = apart[-1] = 0.5
 
     def mean(field):

@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 from fileio.formats.plane_series import usable
 from piv.fields.blocks import blocks, fields_of
 
-SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
+_SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
 
 
 def along_line(
@@ -46,7 +46,7 @@ def along_line(
     way = {"x": x0 + s / length * (x1 - x0), "y": y0 + s / length * (y1 - y0)}
     # rounding must not leave the plane
     x, y = (np.clip(c, *plane[name].values[[0, -1]]) for name, c in way.items())
-    names = [n for n in fields_of(plane) if n not in SKIPPED]
+    names = [n for n in fields_of(plane) if n not in _SKIPPED]
     for part in blocks(plane):
         ok = usable(part)
         samples = {n: bilinear(part[n].where(ok), x, y) for n in names}

@@ -15,7 +15,7 @@ from scipy.signal import lombscargle
 from fileio.formats.plane_series import usable, vectors_of
 from piv.fields.blocks import blocks
 
-LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
+_LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
 
 
 def density(positions: ndarray, values: ndarray, frequencies: ndarray, step: float) -> ndarray:
@@ -108,7 +108,7 @@ def _mean(records, frequencies: ndarray, step: float) -> pd.DataFrame:
     total = {n: np.zeros(frequencies.size) for n in ("u", "v")}
     used = dict.fromkeys(total, 0)
     for positions, values, n in records:
-        if np.isfinite(values).mean() >= LEAST_PART:
+        if np.isfinite(values).mean() >= _LEAST_PART:
             total[n] += density(positions, values, frequencies, step)
             used[n] += 1
     if not used["u"]:

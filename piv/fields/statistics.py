@@ -11,10 +11,10 @@ from piv.fields.blocks import blocks
 from piv.foreign.write import units_of
 
 # grid points, evenly chosen, that the correlation of samples in time is estimated from
-SAMPLED = 2500
+_SAMPLED = 2500
 # the variance of their means is then known to a third at a point, and better over the field
-LEAST_BATCHES = 16
-SNAPSHOTS = 16  # of the running mean, for its convergence
+_LEAST_BATCHES = 16
+_SNAPSHOTS = 16  # of the running mean, for its convergence
 
 
 class Moments:
@@ -75,7 +75,7 @@ class _Batches:
         """Instants that are worth one independent sample; 1 where there are too few to tell."""
         if not self.levels:
             return 1.0  # no instant at all
-        level = max((k for k, made in enumerate(self.made) if made >= LEAST_BATCHES), default=0)
+        level = max((k for k, made in enumerate(self.made) if made >= _LEAST_BATCHES), default=0)
         variance = [_variance(*self.levels[k][::2]) for k in (0, level)]
         if not variance[0] > 0:
             return 1.0
@@ -120,12 +120,12 @@ def statistics(
         raise ValueError(f"a mean needs at least {least} instants; the largest group has {most}")
     number = int(labels.max()) + 1 if centres is None else len(centres)
     shape = (series.sizes["y"], series.sizes["x"])
-    step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / SAMPLED))))
+    step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / _SAMPLED))))
     some = (slice(step // 2, None, step), slice(step // 2, None, step))
     part_shape = np.zeros(shape)[some].shape
     moments = [Moments(shape) for _ in range(number)]
     batches = [[_Batches(part_shape) for _ in range(2)] for _ in range(number)]
-    stops = np.unique(np.geomspace(1, count, SNAPSHOTS).astype(int))
+    stops = np.unique(np.geomspace(1, count, _SNAPSHOTS).astype(int))
     snapshots: list[ndarray] = []
     noisy = {"u_std", "v_std"} <= set(series)
     done = 0

@@ -7,14 +7,14 @@ import xarray as xr
 
 from fileio.formats.plane_series import Planes, usable, vectors_of
 
-INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
+_INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 
 
 def summary(plane: xr.Dataset) -> str:
     """Fields and vectors, share valid, median and largest speed, median standard uncertainty."""
     series = "time" in plane["u"].dims
     count = plane.sizes["time"] if series else 1
-    chosen = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int))
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _INSTANTS)).astype(int))
     used = vectors_of(plane)
     planes = Planes(used) if series else [used]
     valid, uncertain, speeds, stds = [], [], [], []

@@ -13,7 +13,7 @@ from fileio.formats.plane_series import SCHEMA, read_plane
 from fileio.hdf5 import open_netcdf, whole_netcdf
 
 # which pivpy writes for whatever it has read, metres among them: it states nothing
-DEFAULT_UNIT = "pix"
+_DEFAULT_UNIT = "pix"
 
 
 def _open(path: Path) -> xr.Dataset:
@@ -100,4 +100,4 @@ def _instant(data: xr.Dataset) -> tuple[np.ndarray, ...]:
 
 def _unit(variable: xr.DataArray) -> str | None:
     unit = str(variable.attrs.get("units", "")).strip()
-    return None if unit == DEFAULT_UNIT else unit or None
+    return None if unit == _DEFAULT_UNIT else unit or None

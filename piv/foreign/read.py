@@ -28,7 +28,7 @@ from piv.foreign.write import units_of
 from piv.images.calibration import Calibration, calibrate_plane
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6}
+_VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6}
 
 
 def to_plane(
@@ -50,7 +50,7 @@ def to_plane(
     option that contradicts the file.
     """
     length = _agreed(name, "--length-unit", vectors.length_unit, length_unit, [*LENGTHS, "px"])
-    speeds = [*VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
+    speeds = [*_VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
     stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
     velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, [*speeds, "px/s"])
     direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
@@ -68,8 +68,8 @@ def to_plane(
             raise ValueError(f"{name}: the file is in px; give a positive --scale-mm-per-px")
         return scale_mm_per_px * 1e-3
 
-    if velocity in VELOCITIES:
-        speed = VELOCITIES[velocity]
+    if velocity in _VELOCITIES:
+        speed = _VELOCITIES[velocity]
     else:
         unit, per = velocity.split("/")
         if per == "frame" and not in_px and (interval_s is None or not interval_s > 0):

@@ -198,7 +198,7 @@ def _unit(name: str) -> str | None:
     return _spelled(match.group(1)) if match else None
 
 
-SPELLINGS = {
+_SPELLINGS = {
     "pxs": "px",
     "px/fr": "px/frame",
     "px/dt": "px/frame",
@@ -209,7 +209,7 @@ SPELLINGS = {
 
 def _spelled(unit: str) -> str:
     unit = unit.strip().lower().replace("pixel", "px").replace("pix", "px")
-    return SPELLINGS.get(unit, unit)
+    return _SPELLINGS.get(unit, unit)
 
 
 def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:

@@ -28,8 +28,8 @@ from fileio.errors import one_line
 from fileio.formats.plane_series import SCHEMA, check_plane, fields_of
 from fileio.json_text import plain
 
-MARK = "# plane-series "  # before the JSON in the last line of a Tecplot file
-TAIL = 1 << 16  # bytes of it that are looked through at first
+_MARK = "# plane-series "  # before the JSON in the last line of a Tecplot file
+_TAIL = 1 << 16  # bytes of it that are looked through at first
 NAME = "plane_series"  # the variable with the JSON in a MATLAB file
 
 
@@ -153,14 +153,14 @@ def write_tecplot(plane: xr.Dataset, path: Path) -> None:
                 f"J={plane.sizes['y']}, F=POINT\n"
             )
             np.savetxt(file, rows, fmt="%.9g")
-        file.write(MARK + _text(_head(plane) | {"fields": first}) + "\n")
+        file.write(_MARK + _text(_head(plane) | {"fields": first}) + "\n")
 
 
-def tecplot_head(path: Path) -> dict[str, Any] | None:
+def _tecplot_head(path: Path) -> dict[str, Any] | None:
     """The JSON of a Tecplot file that this program wrote; None of another."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
-        reach = TAIL
+        reach = _TAIL
         while True:
             file.seek(max(0, size - reach))
             tail = file.read().rstrip(b"\n")
@@ -169,7 +169,7 @@ def tecplot_head(path: Path) -> dict[str, Any] | None:
                 break
             reach *= 8
     last = tail[start + 1 :].decode("utf-8", "replace")
-    return json.loads(last[len(MARK) :]) if last.startswith(MARK) else None
+    return json.loads(last[len(_MARK) :]) if last.startswith(_MARK) else None
 
 
 def _read_tecplot(path: Path, head: dict[str, Any]) -> xr.Dataset:
@@ -258,7 +258,7 @@ def _vti_array(name: str, values: ndarray) -> str:
     )
 
 
-def read_vti(path: Path) -> xr.Dataset:
+def _read_vti(path: Path) -> xr.Dataset:
     """A plane from a .vti, or a series from the .pvd, of `write_vti`."""
     try:
         if path.suffix.lower() == ".pvd":
@@ -326,7 +326,7 @@ def write_mat(plane: xr.Dataset, path: Path) -> None:
         ) from error
 
 
-def is_own_mat(path: Path) -> bool:
+def _is_own_mat(path: Path) -> bool:
     """Whether a .mat file is one of `write_mat`."""
     try:
         return matfile_version(path)[0] == 1 and read_in_child(_mat_head, str(path)) is not None
@@ -362,13 +362,13 @@ def read_whole(path: Path) -> xr.Dataset | None:
     """A file that this module wrote; None for other files. ValueError where it is damaged."""
     suffix = path.suffix.lower()
     if suffix in (".vti", ".pvd"):
-        return read_vti(path)
+        return _read_vti(path)
     if not path.is_file():
         return None
     try:
-        if suffix == ".mat" and is_own_mat(path):
+        if suffix == ".mat" and _is_own_mat(path):
             return _read_mat(path)
-        if suffix == ".dat" and (head := tecplot_head(path)):
+        if suffix == ".dat" and (head := _tecplot_head(path)):
             return _read_tecplot(path, head)
     except Exception as error:  # of damaged files the libraries raise many kinds
         raise ValueError(f"{path}: damaged ({one_line(error, 200)})") from error

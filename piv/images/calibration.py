@@ -25,16 +25,16 @@ from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable, 
 from piv.images.clock import interval_of, seconds
 from piv.images.open_recording import row_to_y_px
 
-DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
+_DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
 MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
 FORMAT = "piv-calibration"
 FORMAT_VERSION = 1
-NEWTON_STEPS = 8
+_NEWTON_STEPS = 8
 # in area against the board: more is the lens model running away where it saw no target
-MAX_STRETCH = 3.0
+_MAX_STRETCH = 3.0
 # where undistorting misses by more, the lens model has no inverse: such points are absent
 INVERSE_PX = 1e-3
-UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+_UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 
 @dataclass(frozen=True)
@@ -138,12 +138,12 @@ def _sheet(lens: Lens, points: ndarray) -> ndarray:
     seen = np.ascontiguousarray(points.reshape(-1, 2), np.float64)
     matrix = lens.camera_matrix
     ideal = cv2.undistortPoints(
-        seen[:, None], matrix, lens.distortion, P=matrix, criteria=UNDISTORT
+        seen[:, None], matrix, lens.distortion, P=matrix, criteria=_UNDISTORT
     )[:, 0]
     # OpenCV's fixed-point iteration crawls or diverges under strong distortion: Newton steps end
     # it.
     steps = np.array([[0.05, 0.0], [0.0, 0.05]])
-    for _ in range(NEWTON_STEPS):
+    for _ in range(_NEWTON_STEPS):
         wrong = _distort(lens, ideal) - seen
         (xx, yx), (xy, yy) = [
             ((_distort(lens, ideal + h) - _distort(lens, ideal - h)) / 0.1).T for h in steps
@@ -190,7 +190,7 @@ def load_calibration(path: str | Path) -> Calibration:
         lens = whole.get("lens")
         if lens is not None:
             count = np.size(lens["distortion"])
-            if count not in DISTORTION_COUNTS:
+            if count not in _DISTORTION_COUNTS:
                 raise ValueError(
                     f"a lens has 4, 5, 8, 12 or 14 distortion coefficients, not {count}"
                 )
@@ -322,7 +322,7 @@ def _same(calibration: Calibration, at: ndarray, x_m: ndarray, y_m: ndarray) -> 
     miss = calibration.to_m(at) - np.stack(np.meshgrid(x_m, y_m), axis=-1)
     same = np.abs(miss).max(axis=-1) < INVERSE_PX * calibration.pixel
     stretch = np.abs(np.linalg.det(calibration.jacobian(at))) / calibration.pixel**2
-    return same & (stretch < MAX_STRETCH) & (stretch > 1 / MAX_STRETCH)
+    return same & (stretch < _MAX_STRETCH) & (stretch > 1 / _MAX_STRETCH)
 
 
 def _sample(

@@ -11,8 +11,8 @@ from numpy import ndarray
 
 from piv.images.calibration import Calibration, Lens
 
-MODELS = {"standard": 0, "rational": cv2.CALIB_RATIONAL_MODEL}
-MIN_CORNERS = 8  # of a view: fewer leave its pose loose
+_MODELS = {"standard": 0, "rational": cv2.CALIB_RATIONAL_MODEL}
+_MIN_CORNERS = 8  # of a view: fewer leave its pose loose
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,12 @@ def calibrate_target(
     calibration and the views used; views with fewer than 8 corners are left out. `origin_px`: of
     the rectified image, y up.
     """
-    if model not in MODELS:
-        raise ValueError(f"lens model must be one of {', '.join(MODELS)}, got {model!r}")
+    if model not in _MODELS:
+        raise ValueError(f"lens model must be one of {', '.join(_MODELS)}, got {model!r}")
     if not views or len({v.shape for v in views}) != 1:
         raise ValueError("the target's pictures must be at least one, all of the same size")
     matches = [find_corners(v, target) for v in views]
-    used = [k for k, (corners, _) in enumerate(matches) if len(corners) >= MIN_CORNERS]
+    used = [k for k, (corners, _) in enumerate(matches) if len(corners) >= _MIN_CORNERS]
     if 0 not in used:
         raise ValueError(
             f"picture 0, which shows the target in the sheet: {len(matches[0][0])} corners "
@@ -100,7 +100,7 @@ def calibrate_target(
     board_points = [matches[k][1].astype(np.float32) for k in used]
     if len(used) > 1:
         rms, matrix, distortion, _, _ = cv2.calibrateCamera(
-            board_points, image_points, (columns, rows), None, None, flags=MODELS[model]
+            board_points, image_points, (columns, rows), None, None, flags=_MODELS[model]
         )
     else:
         matrix, distortion, rms = np.diag([columns, columns, 1.0]), np.zeros(5), np.nan

@@ -55,7 +55,7 @@ class ImageFiles(Recording):
         super().__init__(_common_name(paths), len(pages))
         self.pages = pages
         self.colour = colour
-        self.pairing, self.pairing_doubt = pairing_by_name(paths)
+        self.pairing, self.pairing_doubt = _pairing_by_name(paths)
         self.lossy = any(p.suffix.lower() in JPEG_SUFFIXES for p in paths)
 
     def _frame_name(self, i: int) -> str:
@@ -82,7 +82,7 @@ _EXPOSURE = re.compile(r"(.*(?:[_\-. ]|\d))([ABab])|(.*[_\-])([012])")
 _PARTNERS = ({"A", "B"}, {"a", "b"}, {"0", "1"}, {"1", "2"})
 
 
-def exposure_of(path: Path) -> tuple[str, str] | None:
+def _exposure_of(path: Path) -> tuple[str, str] | None:
     """Name of the pair and label of the exposure: im_07_A -> "im_07_", "A"; None without one."""
     match = _EXPOSURE.fullmatch(path.stem)
     return None if match is None else (match[1] or match[3], match[2] or match[4])
@@ -90,19 +90,19 @@ def exposure_of(path: Path) -> tuple[str, str] | None:
 
 def in_couples(paths: Sequence[Path]) -> list[Path]:
     """Files in natural order, the exposures of a pair side by side where all names have a label."""
-    labels = {p: exposure_of(p) for p in paths}
+    labels = {p: _exposure_of(p) for p in paths}
     if all(labels.values()):
         return sorted(paths, key=lambda p: (natural_key((labels[p] or "")[0]), labels[p]))
     return sorted(paths, key=natural_key)
 
 
-def pairing_by_name(paths: Sequence[Path]) -> tuple[str | None, str]:
+def _pairing_by_name(paths: Sequence[Path]) -> tuple[str | None, str]:
     """The pairing that names such as im_07_A, im_07_B state, else "1-2,2-3".
 
     None with a sentence where the names speak of two exposures and one of a pair is not there.
     """
     neighbours, couples = PAIRINGS
-    found = [exposure_of(p) for p in paths]
+    found = [_exposure_of(p) for p in paths]
     names = [f for f in found if f is not None]
     labels = {label for _, label in names}
     partners = next((p for p in _PARTNERS if labels <= p), None)

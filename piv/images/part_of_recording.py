@@ -22,7 +22,7 @@ from piv.images.masks import not_whole, outline_px, polygons_mask, read_mask
 from piv.images.open_recording import IMAGE_SUFFIXES, open_recording, row_to_y_px
 from piv.images.recording import Recording
 
-POLYGON_KEYS = {"format", "format_version", "unit", "roi", "bodies"}
+_POLYGON_KEYS = {"format", "format_version", "unit", "roi", "bodies"}
 
 
 @dataclass(frozen=True)
@@ -152,9 +152,9 @@ def _polygons(path: Path, recording: Recording) -> _Masks:
         content = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
         if not isinstance(content, dict):
             raise ValueError("it is no table of keys and values")
-        if unknown := sorted(set(content) - POLYGON_KEYS):
+        if unknown := sorted(set(content) - _POLYGON_KEYS):
             raise ValueError(
-                f"unknown key {unknown[0]!r}; known are {', '.join(sorted(POLYGON_KEYS))}"
+                f"unknown key {unknown[0]!r}; known are {', '.join(sorted(_POLYGON_KEYS))}"
             )
         unit = content.get("unit", "px")
         if unit not in ("px", "m"):

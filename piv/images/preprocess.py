@@ -26,8 +26,8 @@ STEPS = {
     "cap": "3",
 }  # and their default values
 # of a longer recording, evenly chosen: more changes nothing that is visible
-BACKGROUND_FRAMES = 500
-CLIP = 2.0  # limit of the contrast of clahe
+_BACKGROUND_FRAMES = 500
+_CLIP = 2.0  # limit of the contrast of clahe
 
 
 def background(recording: Recording, kind: str = "min") -> ndarray:
@@ -39,7 +39,7 @@ def background(recording: Recording, kind: str = "min") -> ndarray:
             f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}; "
             "give --preprocess none, or the other steps only"
         )
-    count = min(BACKGROUND_FRAMES, len(recording))
+    count = min(_BACKGROUND_FRAMES, len(recording))
     chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))
     total = recording.frame(int(chosen[0])).astype(np.float64)
     for i in chosen[1:]:
@@ -64,7 +64,7 @@ def _clahe(image: ndarray, tile_px: float) -> ndarray:
         return image.astype(float32)
     rows, columns = (max(1, round(n / tile_px)) for n in image.shape)
     levels = np.round(image.astype(float32) * (65535 / top)).astype(np.uint16)
-    return cv2.createCLAHE(CLIP, (columns, rows)).apply(levels).astype(float32) * (top / 65535)
+    return cv2.createCLAHE(_CLIP, (columns, rows)).apply(levels).astype(float32) * (top / 65535)
 
 
 def _highpass(image: ndarray, sigma_px: float) -> ndarray:
@@ -83,7 +83,7 @@ def _cap_intensity(image: ndarray, n: float) -> ndarray:
     return np.minimum(image, float(np.median(image)) + n * float(image.std()))
 
 
-FUNCTIONS: dict[str, Callable[..., ndarray]] = {
+_FUNCTIONS: dict[str, Callable[..., ndarray]] = {
     "background": _subtract_background,
     "clahe": _clahe,
     "highpass": _highpass,
@@ -115,7 +115,7 @@ class Preprocessor:
             else:
                 argument = _argument(name, value, recording)
             self.steps.append(f"{name}={value}")
-            self._chain.append((FUNCTIONS[name], argument))
+            self._chain.append((_FUNCTIONS[name], argument))
 
     def mask(self, body: ndarray | None) -> ndarray | None:
         """A frame's mask (true = body), with the pixels that something static saturates."""

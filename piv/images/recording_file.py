@@ -14,8 +14,8 @@ from fileio.formats.recording import CAMERA, open_recording_file
 from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files
-HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
-ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "tip_width")
+_HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
+_ATTRIBUTES = (*CAMERA, "bits", "camera", "seed", "tip_width")
 
 
 class RecordingFile(Recording):
@@ -26,14 +26,14 @@ class RecordingFile(Recording):
         try:
             count = self._checked()
             super().__init__(str(path), count)
-            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in ATTRIBUTES}
+            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in _ATTRIBUTES}
             self._check_attributes()
             self.finger = {
                 name: self._file[name].shape[1:] for name in FINGER_VARIABLES if name in self._file
             }
             if "time" in self._file:
                 self.times = self._numbers("time", (count,))
-        except HDF5_ERRORS as error:
+        except _HDF5_ERRORS as error:
             self._file.close()
             raise ValueError(
                 f"{path}: damaged, or not a recording ({one_line(error, 200)})"
@@ -85,7 +85,7 @@ class RecordingFile(Recording):
     def _part(self, name: str, where: int | slice, place: str) -> ndarray:
         try:
             return self._file[name][where]
-        except HDF5_ERRORS as error:
+        except _HDF5_ERRORS as error:
             raise ValueError(f"{place}: cannot be read ({one_line(error)})") from error
 
     def close(self) -> None:

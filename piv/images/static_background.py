@@ -16,13 +16,13 @@ from piv.images.recording import Recording
 
 CELL = 32  # px
 FRAMES = 20  # looked at, evenly chosen: more of them hardly lower the least value between particles
-LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
+_LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
 # of the particles' variance, which is the median over the cells: a cell is static whose own least
 # values have STATIC of it while MOVING of it changes, or that have BRIGHT of it
 STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
 # of the brightest pixel of all frames: what is always so bright shows no particles
-SATURATED = 0.98
-LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
+_SATURATED = 0.98
+_LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 
 
 def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
@@ -31,7 +31,7 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     None where it would not pay: nothing is static, most of the picture is, fewer than LEAST_FRAMES
     frames or CELL px.
     """
-    if len(recording) < LEAST_FRAMES or min(recording.shape) < CELL:
+    if len(recording) < _LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
     kept = set(chosen[:: max(1, len(chosen) // 4)])
@@ -55,7 +55,7 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     cells = (unchanging > STATIC * particles) & (changing > MOVING * particles) | (
         unchanging > BRIGHT * particles
     )
-    if not LEAST_AREA < cells.mean() < 0.5:
+    if not _LEAST_AREA < cells.mean() < 0.5:
         return None
     # what is static reaches into the next cells, too weak to be seen there
     cells = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
@@ -69,7 +69,7 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     where[full.shape[0] :] = where[full.shape[0] - 1]
     where[:, full.shape[1] :] = where[:, full.shape[1] - 1 : full.shape[1]]
     level = float(np.median(least))
-    return np.maximum(least - level, 0) * where, (least >= SATURATED * top) & (where > 0)
+    return np.maximum(least - level, 0) * where, (least >= _SATURATED * top) & (where > 0)
 
 
 def _texture(image: ndarray) -> ndarray:

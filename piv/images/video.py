@@ -12,7 +12,7 @@ import numpy as np
 from piv.images.image_files import to_grey
 from piv.images.recording import Recording
 
-RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
+_RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
 
 
 class Video(Recording):
@@ -65,10 +65,10 @@ class Video(Recording):
                     f"{self.count} frames"
                 )
             self._next += 1
-            if self._next > i - RECENT_FRAMES:
+            if self._next > i - _RECENT_FRAMES:
                 _, image = self._capture.retrieve()
                 self._recent[self._next - 1] = to_grey(image, "luma", str(self.path))
-            while len(self._recent) > RECENT_FRAMES:
+            while len(self._recent) > _RECENT_FRAMES:
                 self._recent.popitem(last=False)
         return self._recent[i]
 

@@ -18,11 +18,11 @@ BETWEEN, END = 0.2, 0.5
 # shorter errors cancel in a pressure. Of 2, 3, 4 the one of least error in exact flows whose errors
 # neighbours share, at 250, 500 and 1000 Hz (seeds 201-206)
 WIDE = 2.0
-DEVIATIONS = 3  # of the noise of such means above their own, up to which a difference is noise
+_DEVIATIONS = 3  # of the noise of such means above their own, up to which a difference is noise
 _SCHEME = "fourth-order"
 
 
-def parabola_weights(tau: ndarray, present: ndarray) -> ndarray:
+def _parabola_weights(tau: ndarray, present: ndarray) -> ndarray:
     """Weights (derivative, field, y, x): first and second, at tau = 0, of a parabola in time.
 
     It is fitted to the `present` fields. `tau`: (field,) s; `present`: (field, y, x) bool, with the
@@ -81,14 +81,14 @@ def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: 
     # left of errors correlated by exp(-2 (d/length)²) in a mean over a Gaussian of `WIDE` lengths
     share = 1 / (1 + 8 * WIDE**2)
     # so far may a square exceed that noise, of as many means as the view holds
-    most = 1 + DEVIATIONS * np.sqrt(4 * np.pi * (WIDE * length) ** 2 / max(ok.sum(), 1))
+    most = 1 + _DEVIATIONS * np.sqrt(4 * np.pi * (WIDE * length) ** 2 / max(ok.sum(), 1))
     for reach in REACHES:
         low = int(np.clip(at - reach, 0, max(0, len(times) - 2 * reach - 1)))
         near = range(low, min(low + 2 * reach + 1, len(times)))
         some = [fields(k) for k in near]
         present = np.stack([one.ok for one in some]) & ok
         velocity, noise = (np.stack([one[part] for one in some], axis=1) for part in (0, 1))
-        weights, curvature = parabola_weights(times[near] - times[at], present)
+        weights, curvature = _parabola_weights(times[near] - times[at], present)
         slope = np.einsum("fyx,cfyx->cyx", weights, velocity)
         variance = np.einsum("fyx,cfyx->yx", weights**2, np.square(noise))
         known = np.isfinite(slope).all(axis=0)

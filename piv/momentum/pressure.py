@@ -21,8 +21,8 @@ from piv.vortices.criteria import gradients
 WATER = 998.2, 1.004e-6  # kg/m³ and m²/s at 20 °C
 SAMPLES = 12  # of errors, which give standard uncertainties to a fifth
 WINDOW = 2.0  # grid steps, where the series does not state it: that of an overlap of a half
-MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
-SHARE = 0.04  # of the pressure, chosen: what windows take without a trace
+_MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
+_SHARE = 0.04  # of the pressure, chosen: what windows take without a trace
 _FIELDS = 2 * REACHES[-1] + 1
 _ROUNDS = 6  # of the fit of two variances, which then stands still
 LEAST = 1e-6  # m/s: no vector is better known
@@ -88,7 +88,7 @@ def pressures(
     through the difference formulas, S the squared velocity gradient, for what the balance lacks
     where the flow is strained; a and b are such that the fit's residuals have these variances.
     p_std: the standard deviation of `SAMPLES` random errors of both kinds, sent through the same
-    fit and scaled by the same residuals, what the time derivative lacks, and `SHARE` of p. Source
+    fit and scaled by the same residuals, what the time derivative lacks, and `_SHARE` of p. Source
     of the method: van Oudheusden, Meas. Sci. Technol. 24, 032001 (2013).
     """
     balance = Balance(series, density, viscosity, about)
@@ -112,7 +112,7 @@ class Balance:
         self._steps = float(np.diff(self._x[:2])[0]), float(np.diff(self._y[:2])[0])
         self._window = window_of(series) / self._steps[0] or WINDOW
         shape = (2, SAMPLES, len(self._y), len(self._x))
-        self._unit_errors = _errors(0, shape, MODEL_LENGTH)
+        self._unit_errors = _errors(0, shape, _MODEL_LENGTH)
         self._fields = lru_cache(maxsize=_FIELDS)(partial(_field, planes))
         self._noises = lru_cache(maxsize=_FIELDS)(self._noise)
 
@@ -149,7 +149,7 @@ class Balance:
         of_noise += np.stack([du * g.dudx + dv * g.dudy, du * g.dvdx + dv * g.dvdy])
         kinds = of_noise, self._unit_errors * np.sqrt(strain)
         errors, offs = zip(*(fit(reach * net.middle(*kind)) for kind in kinds), strict=True)
-        shares = two_variances(
+        shares = _two_variances(
             off**2,
             [np.mean(np.square(sampled), axis=0) for sampled in offs],
             [part / fit.variance**2 for part in parts],
@@ -240,7 +240,7 @@ def _weighted(net: Links, difference: ndarray, parts: list[ndarray]) -> Integral
     shares = np.array([1.0, 1e-3 * parts[0].mean() / max(parts[1].mean(), 1e-300)])
     for _ in range(_ROUNDS):
         total = shares[0] * parts[0] + shares[1] * parts[1]
-        shares = two_variances(off**2, parts, [part / total**2 for part in parts])
+        shares = _two_variances(off**2, parts, [part / total**2 for part in parts])
         shares = np.maximum(shares, [1e-6, 0.0])
     return Integral(net, shares[0] * parts[0] + shares[1] * parts[1])
 
@@ -253,7 +253,7 @@ def border_of(points: ndarray) -> ndarray:
     return border
 
 
-def two_variances(squares: ndarray, parts: list[ndarray], instruments: list[ndarray]) -> ndarray:
+def _two_variances(squares: ndarray, parts: list[ndarray], instruments: list[ndarray]) -> ndarray:
     """Shares (2,), at least 0, of two variances `parts` (link,) in the mean of `squares` (link,).
 
     Moments with `instruments`, which do not share the scatter of sampled `parts`.
@@ -272,4 +272,4 @@ def two_variances(squares: ndarray, parts: list[ndarray], instruments: list[ndar
 
 def _std(deviations: ndarray, values: ndarray) -> ndarray:
     """Standard deviation of errors that add up, (error, …), and of the systematic share."""
-    return np.sqrt(np.sum(deviations**2, axis=0) + np.square(SHARE * values))
+    return np.sqrt(np.sum(deviations**2, axis=0) + np.square(_SHARE * values))

@@ -26,8 +26,8 @@ logging.getLogger("matplotlib.font_manager").setLevel(
 # Blue-white-orange, told apart by every kind of colour vision (ColorBrewer's PuOr, reversed so that
 # blue is negative).
 COLOUR_MAP = "PuOr_r"
-WIDTH_IN = 6.7
-NEVER_NEGATIVE = (
+_WIDTH_IN = 6.7
+_NEVER_NEGATIVE = (
     "u_rms",
     "v_rms",
     "uu",
@@ -38,7 +38,7 @@ NEVER_NEGATIVE = (
     "correlation",
     "n",
 )
-ARROWS_ACROSS = 42  # more cannot be read on a printed column
+_ARROWS_ACROSS = 42  # more cannot be read on a printed column
 
 
 @dataclass(frozen=True)
@@ -118,18 +118,18 @@ def draw(
     speed = speed or speed_scale(plane)
     aspect = float(np.ptp(y) / np.ptp(x))
     with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):
-        size = (WIDTH_IN, min(max(WIDTH_IN * 0.82 * aspect + 0.9, 2.4), 9.0))
+        size = (_WIDTH_IN, min(max(_WIDTH_IN * 0.82 * aspect + 0.9, 2.4), 9.0))
         figure, axes = plt.subplots(figsize=size, dpi=200, layout="constrained")
         half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
         extent = (x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y)
         axes.set_facecolor("0.82")  # absent vectors are grey, not the white of zero vorticity
-        never_negative = style.colour_by in NEVER_NEGATIVE or style.colour_by.endswith("_std")
+        never_negative = style.colour_by in _NEVER_NEGATIVE or style.colour_by.endswith("_std")
         colours = "viridis" if never_negative else COLOUR_MAP
         picture = axes.imshow(
             omega, colours, origin="lower", extent=extent, interpolation="nearest"
         )
         picture.set_clim(0 if never_negative else -limit, limit)
-        step = style.arrow_every or max(1, round(max(x.size, y.size) / ARROWS_ACROSS))
+        step = style.arrow_every or max(1, round(max(x.size, y.size) / _ARROWS_ACROSS))
         cut = (slice(step // 2, None, step), slice(step // 2, None, step))
         known = usable(plane).values
         ok = known[cut]

@@ -11,7 +11,7 @@ from numpy import ndarray
 from piv.correlation.options import OptionWords
 from piv.correlation.pair import correlate_pair
 
-COARSE: OptionWords = {
+_COARSE: OptionWords = {
     "window": 64,
     "least_window": 64,
     "spacing": 48,
@@ -19,7 +19,7 @@ COARSE: OptionWords = {
     "smoothing": False,
 }
 # px RMS; less does not hold the correlation back, and the flow's own acceleration looks like it
-LEAST_SHAKE = 0.1
+_LEAST_SHAKE = 0.1
 LEAST_SIDE = 192  # px: smaller frames hold too few coarse windows
 LEAST_VECTORS = 12  # in common of all pairs
 
@@ -35,7 +35,7 @@ def frame_shifts(frames: list[Any], masks: list[Any]) -> ndarray | None:
         return None
     moves = []
     for k in range(len(frames) - 1):
-        field = correlate_pair(frames[k], frames[k + 1], mask=(masks[k], masks[k + 1]), **COARSE)
+        field = correlate_pair(frames[k], frames[k + 1], mask=(masks[k], masks[k + 1]), **_COARSE)
         known = field["valid"].values != 0
         moves.append([np.where(known, field["u"], np.nan), np.where(known, -field["v"], np.nan)])
     odd = np.array(moves) - np.mean(moves, axis=0)  # absent where it is in any pair
@@ -47,7 +47,7 @@ def frame_shifts(frames: list[Any], masks: list[Any]) -> ndarray | None:
     at = np.arange(len(frames)) - len(frames) // 2
     shifts = places - np.outer(at, at @ places / (at @ at))
     shifts -= shifts[len(frames) // 2]
-    return shifts if np.sqrt(np.mean(shifts**2)) > LEAST_SHAKE else np.zeros_like(shifts)
+    return shifts if np.sqrt(np.mean(shifts**2)) > _LEAST_SHAKE else np.zeros_like(shifts)
 
 
 def shifted(

@@ -31,8 +31,8 @@ from piv.sequence.ensemble import correlate_ensemble
 from piv.sequence.multiframe import correlate_frames
 
 # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
-HAND_OVER = 5e-4
-ALTERNATE = 0.15  # of the vectors: by so much fewer in every other field mean frames of two pairs
+_HAND_OVER = 5e-4
+_ALTERNATE = 0.15  # of the vectors: by so much fewer in every other field mean frames of two pairs
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def correlate_recording(
             writer.write(0, units.fields(plane, 0))
             return writer.finish()
         cv2.setNumThreads(1)  # fields are the unit of parallel work
-        sys.setswitchinterval(HAND_OVER)
+        sys.setswitchinterval(_HAND_OVER)
         missing = [k for k in range(len(sets)) if k not in writer.done]
         bar = tqdm(
             total=len(sets),
@@ -234,7 +234,7 @@ def alternating(shares: dict[int, float]) -> tuple[float, float] | None:
     if min(map(len, kinds)) < 2:
         return None
     low, high = sorted(kinds, key=np.median)
-    if np.median(high) - np.median(low) < ALTERNATE or low.max() >= high.min():
+    if np.median(high) - np.median(low) < _ALTERNATE or low.max() >= high.min():
         return None
     return float(np.median(kinds[0])), float(np.median(kinds[1]))
 

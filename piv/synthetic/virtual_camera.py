@@ -38,7 +38,7 @@ from piv.synthetic.particles import (
 )
 from piv.synthetic.plane_spline import PlaneField
 
-TRUTH_SPACING_PX = 8.0
+_TRUTH_SPACING_PX = 8.0
 
 
 class Frame(NamedTuple):
@@ -203,7 +203,7 @@ class Recorder:
     @property
     def truth_stride(self) -> int:
         """Stride of the plane's nodes whose truth is written: no finer than vectors are wanted."""
-        wanted = TRUTH_SPACING_PX * self.camera.pixel
+        wanted = _TRUTH_SPACING_PX * self.camera.pixel
         return max(1, int(wanted / max(self.field.dx, self.field.dy) + 1e-6))
 
     def truth(self, index: int) -> tuple[ndarray, ndarray, ndarray]:

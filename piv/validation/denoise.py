@@ -25,7 +25,7 @@ CALM, FILLED = 1.4, 2.2  # their geometric mean over noise: dead band as above, 
 # the filter of least error takes off most of it, so this share is kept
 TURBULENT, LEAST = ((2.2, 3.2, 5.5, 7.0), (1.3, 1.5, 2.5, 3.5)), 0.8
 LEVEL = 2.5  # vectors: where variances of small windows are averaged
-SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
+_SHARED = 0.5  # how far the noise of a part that is damped is taken to stay in the one that is kept
 
 
 def damp_noise(
@@ -151,7 +151,7 @@ def _damped(
     for free, curl in (keep, again):  # shares of the divergence-free and the curl-free part
         mean, half = (free + curl) / 2, (curl - free) / 2
         cuts.append((ex - mean * ex - half * tx, ey - mean * ey - half * ty))
-        shares.append(SHARED * np.maximum(free, curl) + (1 - SHARED) * mean)
+        shares.append(_SHARED * np.maximum(free, curl) + (1 - _SHARED) * mean)
     return *cuts, (*shares, lost, np.minimum(there, 1))
 
 
@@ -179,7 +179,7 @@ def scales(sigma: float, spacing: float) -> tuple[tuple[float, int], ...]:
 
 
 # sides of smaller windows over the largest, between which shares are interpolated
-RATIOS = (0.375, 0.5, 0.75, 0.99)
+_RATIOS = (0.375, 0.5, 0.75, 0.99)
 MORE = 3  # steps in the smaller windows beyond those of the largest
 
 
@@ -188,10 +188,10 @@ def _local_shares(sigma: float, spacing: float, passes: int, ratio: ndarray | No
     whole = _noise_shares(sigma, sigma, spacing, passes, 1)
     if ratio is None:
         return list(whole)
-    smaller = [_noise_shares(r * sigma, sigma, spacing, passes + MORE, 2) for r in RATIOS]
+    smaller = [_noise_shares(r * sigma, sigma, spacing, passes + MORE, 2) for r in _RATIOS]
     tables = np.array([*smaller, whole])  # window, scale, share
     return [
-        tuple(np.interp(ratio, (*RATIOS, 1.0), tables[:, k, m]).astype(float32) for m in (0, 1))
+        tuple(np.interp(ratio, (*_RATIOS, 1.0), tables[:, k, m]).astype(float32) for m in (0, 1))
         for k in range(len(whole))
     ]
 

@@ -30,9 +30,9 @@ from piv.vortices.find import find_vortices
 FORM = (
     "window", "least_window", "spacing", "preset", "search", "threshold", "smoothing", "preprocess"
 )  # fmt: skip
-PURPLE_ORANGE = "2d004b 542788 8073ac b2abd2 d8daeb f7f7f7 fee0b6 fdb863 e08214 b35806 7f3b08"
+_PURPLE_ORANGE = "2d004b 542788 8073ac b2abd2 d8daeb f7f7f7 fee0b6 fdb863 e08214 b35806 7f3b08"
 # of errors that are correlated by exp(-2 (d/L)²), along a line: their integral over d is this L
-CORRELATED = float(np.sqrt(np.pi / 2))
+_CORRELATED = float(np.sqrt(np.pi / 2))
 
 
 def about(scene: Scene, output: str) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def _colours() -> dict[str, list[str]]:
     """64 colours of one sign (viridis) and of two (ColorBrewer's PuOr, blue negative)."""
     grey = np.linspace(0, 255, 64).astype(np.uint8)[:, None]
     one = cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)
-    ends = np.linspace(0, 1, 11), np.array([list(bytes.fromhex(c)) for c in PURPLE_ORANGE.split()])
+    ends = np.linspace(0, 1, 11), np.array([list(bytes.fromhex(c)) for c in _PURPLE_ORANGE.split()])
     two = np.column_stack([np.interp(np.linspace(0, 1, 64), ends[0], c) for c in ends[1].T])
     maps = {"one": one[:, 0, ::-1], "two": np.rint(two).astype(np.uint8)}
     return {key: [f"#{bytes(c).hex()}" for c in colours] for key, colours in maps.items()}
@@ -193,7 +193,7 @@ def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
     }
     if lost == 0 and "u_std" in plane and "v_std" in plane:
         spread = (sample("u_std") * along[:, 0]) ** 2 + (sample("v_std") * along[:, 1]) ** 2
-        reach = CORRELATED * window_of(plane) or step
+        reach = _CORRELATED * window_of(plane) or step
         result["circulation_std"] = float(np.sqrt(np.sum(spread * ds) * reach))
     return result
 

@@ -23,7 +23,7 @@ from piv.images.recording import Recording
 from piv.sequence.sequence import SequenceOptions, frame_sets
 from piv.vortices.criteria import gradients, vorticity
 
-LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out
+_LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out
 VECTOR_SUFFIXES = (".nc", ".csv", ".txt", ".dat", ".vti", ".pvd", ".mat", ".vc7")
 
 
@@ -117,7 +117,7 @@ class Scene:
         frames = self.frames_of(step)
         shown = step if self.series is None else frames[0]
         frame = self.recording.frame(frames[1] if second else shown)
-        thin = max(1, int(np.ceil(max(frame.shape) / LARGEST_SIDE)))
+        thin = max(1, int(np.ceil(max(frame.shape) / _LARGEST_SIDE)))
         grey = frame[::thin, ::thin].astype(np.float32)
         dark, bright = np.percentile(grey, [low, high])
         shades = np.clip((grey - dark) * (255 / max(bright - dark, 1.0)), 0, 255)

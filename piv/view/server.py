@@ -23,7 +23,7 @@ from piv.view.scene import Scene
 LONGEST = 2**24  # bytes of a request
 
 
-class Answers:
+class _Answers:
     """What each name in the page's address gives: bytes, or what becomes JSON."""
 
     def __init__(self, scene: Scene, output: Path) -> None:
@@ -78,7 +78,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
     """
     secret, one = secrets.token_urlsafe(16), threading.Lock()
     page = files("piv.view").joinpath("page.html").read_bytes()
-    actions = Answers(scene, output)
+    actions = _Answers(scene, output)
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -91,7 +91,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
                 ("Cache-Control", "no-store"),
                 ("Referrer-Policy", "no-referrer"),
                 ("X-Content-Type-Options", "nosniff"),
-                ("Content-Security-Policy", POLICY),
+                ("Content-Security-Policy", _POLICY),
             ):
                 self.send_header(name, value)
             self.end_headers()
@@ -185,7 +185,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
         server.serve_forever()
 
 
-POLICY = (
+_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src 'self' blob: data:; connect-src 'self'"
 )

@@ -15,7 +15,7 @@ from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 
 ALIKE = 1.5  # windows over which errors of PIV are alike: it smooths its vectors
-TIP_PART = 1 / 6  # of the tip's width: the scale at which its vortices are found
+_TIP_PART = 1 / 6  # of the tip's width: the scale at which its vortices are found
 # smoothing lengths from a body's outline: nearer vectors, of its wall layer, are left out, since
 # PIV sees them in part, and the layer's opposite vorticity would be smoothed into the vortex
 WALL = 0.3
@@ -52,7 +52,7 @@ def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:
     if s.scale is not None:
         return s.scale
     if "tip_width" in plane.attrs:
-        return max(TIP_PART * float(plane.attrs["tip_width"]), _step(plane))
+        return max(_TIP_PART * float(plane.attrs["tip_width"]), _step(plane))
     return (window_of(plane) or 4 * _step(plane)) / 2
 
 

@@ -9,8 +9,8 @@ from numpy import ndarray
 from piv.vortices.criteria import Gradients
 
 REACH = 3.0  # of the weights, standard deviations
-LEAST_SPREAD = 0.02  # of the neighbours in two directions, variances; 1 away from absent vectors
-LEAST_SEEN = 0.3  # share of the weights that lies on vectors: with less there is no gradient
+_LEAST_SPREAD = 0.02  # of the neighbours in two directions, variances; 1 away from absent vectors
+_LEAST_SEEN = 0.3  # share of the weights that lies on vectors: with less there is no gradient
 
 
 class Smoother:
@@ -27,14 +27,14 @@ class Smoother:
         self.valid = valid
         self._x, self._y = _weights(dx, scale), _weights(dy, scale)
         seen = valid.astype(float)
-        self.ok = (valid | lost) & (self._moment(seen, 0, 0) >= LEAST_SEEN)
+        self.ok = (valid | lost) & (self._moment(seen, 0, 0) >= _LEAST_SEEN)
         m00 = np.where(self.ok, self._moment(seen, 0, 0), 1.0)
         mx, my, mxx, mxy, myy = (
             self._moment(seen, i, j) / m00 for i, j in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         )
         mxx, mxy, myy = mxx - mx**2, mxy - mx * my, myy - my**2
         determinant = mxx * myy - mxy**2
-        self.ok &= determinant > LEAST_SPREAD * scale**4
+        self.ok &= determinant > _LEAST_SPREAD * scale**4
         determinant = np.where(self.ok, m00 * determinant, 1.0)
         self._mean = mx, my
         self._inverse = tuple(q / determinant for q in (mxx, mxy, myy))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-TIP_VARIABLES = ("tip", "tip_direction", "dorsal_direction")
+_TIP_VARIABLES = ("tip", "tip_direction", "dorsal_direction")
 
 
 class _TipPlace(NamedTuple):
@@ -26,9 +26,9 @@ def place_at_tip(x: float, y: float, plane: xr.Dataset) -> _TipPlace | None:
     `across_tip` is positive on the dorsal side, which also gives `side`; `along_tip` is positive
     beyond the tip. The distance is NaN where the attribute `tip_width` is absent.
     """
-    if not all(name in plane for name in TIP_VARIABLES):
+    if not all(name in plane for name in _TIP_VARIABLES):
         return None
-    tips, along, dorsal = (plane[name].values for name in TIP_VARIABLES)
+    tips, along, dorsal = (plane[name].values for name in _TIP_VARIABLES)
     away = np.array([x, y]) - tips
     far = np.hypot(away[:, 0], away[:, 1])
     if not np.isfinite(far).any():

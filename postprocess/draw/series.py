@@ -131,7 +131,7 @@ def circulations(tracks: Tracks) -> list[Curve]:
                 Curve(
                     drawn["time"].to_numpy(),
                     drawn["circulation"].to_numpy() * 1e4,
-                    finger_name(source, finger, len(fingers)),
+                    _finger_name(source, finger, len(fingers)),
                     COLOURS[source],
                     ("-", "--")[finger],
                     None if std is None else BAND * std.to_numpy(float) * 1e4,
@@ -140,7 +140,7 @@ def circulations(tracks: Tracks) -> list[Curve]:
     return curves
 
 
-def finger_name(source: str, finger: int, fingers: int) -> str:
+def _finger_name(source: str, finger: int, fingers: int) -> str:
     """A legend's entry: the source, and which finger where there are two."""
     return NAMES[source] + (f", {('left', 'right')[finger]} finger" if fingers > 1 else "")
 

@@ -8,15 +8,15 @@ from postprocess.compare.pinch_summary import AFTER, APPROACH
 from postprocess.evidence.pair_integrals import LATE
 from postprocess.words import PAIRS, quantity
 
-OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))
+_OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))
 _LATER = f"{AFTER:g} s after contact"
 # Name of the row, its key in the comparison's summary, and its SI unit.
 _ROWS = (
-    (f"circulation of each tip vortex at its peak, {OF_GAP}", "circulation_peak", "m²/s"),
-    (f"imbalance of the pair, {OF_GAP} (RMS)", "imbalance_rms", "fraction"),
-    (f"mirror distance of the centres, {OF_GAP} (RMS)", "mirror_distance_rms", "m"),
-    (f"vortex beyond the tip, {OF_GAP}", "along_tip_approach", "m"),
-    (f"vortex to the dorsal side, {OF_GAP}", "across_tip_approach", "m"),
+    (f"circulation of each tip vortex at its peak, {_OF_GAP}", "circulation_peak", "m²/s"),
+    (f"imbalance of the pair, {_OF_GAP} (RMS)", "imbalance_rms", "fraction"),
+    (f"mirror distance of the centres, {_OF_GAP} (RMS)", "mirror_distance_rms", "m"),
+    (f"vortex beyond the tip, {_OF_GAP}", "along_tip_approach", "m"),
+    (f"vortex to the dorsal side, {_OF_GAP}", "across_tip_approach", "m"),
     ("dorsal pair: circulation of each at contact", "dorsal_circulation_at_contact", "m²/s"),
     (
         f"dorsal pair: circulation of each, {_LATER}",
@@ -48,7 +48,7 @@ _ROWS = (
         "m²/s",
     ),
     ("ventral pair: upward flow between, at its fastest", "ventral_rise_peak", "m/s"),
-    (f"height at which the flow parts, {OF_GAP}", "stagnation_y_approach", "m"),
+    (f"height at which the flow parts, {_OF_GAP}", "stagnation_y_approach", "m"),
     ("downward jet at its fastest", "jet_peak", "m/s"),
     ("upward flow at its fastest", "rise_peak", "m/s"),
     (f"downward jet within {_LATER}", "jet_peak_after_contact", "m/s"),

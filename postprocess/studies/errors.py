@@ -19,7 +19,7 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import peak_tip_speed
 
 _INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
-NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
+_NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
 _OF_FLOW = ("error_dorsal", "error_centre", "error_velocity", "error_force")
 _OF_PIV = ("error_circulation", "error_centre", "error_velocity")
 # Orders that an extrapolation takes: schemes are of second order, walls and time of first.
@@ -74,7 +74,7 @@ def _thinned(plane: xr.Dataset, window: tuple[float, float]) -> xr.Dataset:
 
 def near_tip_error(reference: xr.Dataset, other: xr.Dataset) -> float:
     """RMS of the vector difference within NEAR_TIP of the tip over the reference's RMS there."""
-    reach = NEAR_TIP * float(reference.attrs["tip_width"])
+    reach = _NEAR_TIP * float(reference.attrs["tip_width"])
     sums = fields.field_sums(reference, other, reach)
     return float(np.sqrt(sums["difference2"].sum() / sums["reference2"].sum()))
 

@@ -9,7 +9,7 @@ from postprocess.lab.data.files import Registration
 from postprocess.lab.registration.register import law_pressure
 
 LARGEST = 2.0  # factor by which pressure and duration may differ, either way
-MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
+_MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 SURE = 6.0  # standard deviations of a jump: every instant is tried
 ENDS = 4  # pictures before and behind a jump, at least
 FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
@@ -41,7 +41,7 @@ def check_motion(kinematics: Kinematics, registration: Registration, interval: f
             f" its motion before: {why} (dropped frames); give the part before or behind it as a"
             " recording of its own"
         ]
-    if registration.law.misfit > MISFIT * span:
+    if registration.law.misfit > _MISFIT * span:
         off = abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
         return [
             f"single pictures lie {np.degrees(off):.1f}° (rms) off the simulation's law of motion,"

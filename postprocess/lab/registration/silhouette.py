@@ -17,12 +17,12 @@ import numpy as np
 from fileio.errors import StageError
 from piv.images.masks import dark_body
 
-COST = 4.0  # at most, of a particle within an outline: a reflection on the body must not move it
+_COST = 4.0  # at most, of a particle within an outline: a reflection on the body must not move it
 # blur of a particle's place: wide, so that single particles are no barriers; as it is measured
 ROUGH_PX, FINE_PX = 1.5, 0.5
 NOISE = 6.0  # standard deviations of the body's grey level: what is above is a particle
 CORE_PX, CLEAR_PX = 9, 15  # from the first guess of the edge: surely inside, surely outside
-UNSHADED = 0.8  # of the finger's width, from its lit side on: no shadow
+_UNSHADED = 0.8  # of the finger's width, from its lit side on: no shadow
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def learn(
     masks = [dark_body(f) for f in frames] if masks is None else masks
     cores, clears = [shrunk(m, CORE_PX) for m in masks], [shrunk(~m, CLEAR_PX) for m in masks]
     if light_from is not None:
-        onward = UNSHADED * width_px * np.array([-np.cos(light_from), np.sin(light_from)])
+        onward = _UNSHADED * width_px * np.array([-np.cos(light_from), np.sin(light_from)])
         move = np.column_stack([np.eye(2), onward])
         cores = [
             core & (cv2.warpAffine(mask.astype(np.uint8), move, mask.shape[::-1]) == 0)
@@ -108,7 +108,7 @@ def learn(
             " cannot be told apart; check that the finger is darker than the seeded water, and"
             " state light_from_deg where light comes from one side"
         )
-    cost = min(float(np.log(rate / within)), COST)
+    cost = min(float(np.log(rate / within)), _COST)
     return WaterLikelihood(threshold, rate - within, cost, level, std)
 
 
