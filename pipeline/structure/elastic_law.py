@@ -16,7 +16,7 @@ _LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
 
 
 @dataclass(frozen=True)
-class _ElasticLaw:
+class ElasticLaw:
     """Change of curvature (1/m) under a moment (N m) at one pressure, and back; monotone.
 
     `most`: the table's first and last moment (N m); the law goes on along its last slopes.
@@ -31,13 +31,13 @@ class _ElasticLaw:
         return float(np.maximum(moment / self.most[0], moment / self.most[1]).max())
 
 
-def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> _ElasticLaw:
+def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLaw:
     """The law at `pressure` (Pa), linear between those of the states at `pressures` (state,)."""
     curvature = np.array([np.interp(pressure, pressures, column) for column in law.curvature.T])
     change = _continued(curvature - np.interp(0.0, law.moment, curvature))
     moment = _continued(law.moment)
     most = float(law.moment[0]), float(law.moment[-1])
-    return _ElasticLaw(PchipInterpolator(moment, change), PchipInterpolator(change, moment), most)
+    return ElasticLaw(PchipInterpolator(moment, change), PchipInterpolator(change, moment), most)
 
 
 def _continued(values: FloatArray) -> FloatArray:
