@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import tempfile
 from datetime import date
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import pytest
 from PIL import Image
 
 from fileio.atomic import write_bytes
@@ -39,7 +41,8 @@ from tests.studies.pages import write_table
 from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
-COPIED = {
+# figures of a page that the docs show, beside the flow half-way through the run
+SHOWN = {
     "single_finger": ("space_end.webp", "slices.webp", "pressure.webp"),
     "pinch": ("pair_dorsal.webp", "pair_ventral.webp"),
 }
@@ -53,9 +56,8 @@ def copy_figures(scene: str, level: str) -> None:
     if not flow:
         raise StageError(f"{figures}: no flow_*.webp; run make {scene} LEVEL={level} first")
     _copy(flow[len(flow) // 2], DOCS / name)
-    for figure in COPIED.get(scene, ()):
-        if (figures / figure).exists():
-            _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
+    for figure in SHOWN.get(scene, ()):
+        _copy(figures / figure, DOCS / f"{name}_{figure.partition('.')[0]}")
 
 
 def copy_numbers(scene: str, level: str) -> None:
@@ -147,6 +149,18 @@ def synthetic(path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def tutorials(folder: Path) -> None:
+    """Pictures of the tutorials of an own finger, by the test that does their steps."""
+    test = "tests/cases/test_tutorials.py::test_an_own_finger_its_recording_and_its_results"
+    if pytest.main([test, "-q", f"--basetemp={folder / 'test'}"]):
+        raise StageError(f"{test} failed, so that the tutorials' pictures are not made anew")
+    (out,) = folder.glob("test/**/clone/cases/my_finger/out/smoke")
+    flow = sorted((out / "figures").glob("flow_*.webp"))
+    _copy(flow[len(flow) // 2], DOCS / "tutorials/own_finger")
+    _copy(out / "lab/recording/comparison.svg", DOCS / "tutorials/comparison")
+    _copy(out / "results.png", DOCS / "tutorials/results")
+
+
 def main() -> None:
     """Draw and copy all pictures."""
     for scene in sys.argv[1:]:
@@ -156,6 +170,8 @@ def main() -> None:
     vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
     piv_pictures.draw(DOCS)
+    with tempfile.TemporaryDirectory() as folder:
+        tutorials(Path(folder))
     if CHROMIUM and CHROMEDRIVER:
         viewer_session.main()
 
