@@ -69,9 +69,10 @@ def _inside_polygon(polygon, x, y, near):
                 inside[j] ^= line < x0 + up * (dx / dy)
             if near > 0 and min(y0, y1) - near <= y[j] <= max(y0, y1) + near:
                 for i in range(line.size):
-                    right = line[i] - x0
-                    part = min(max((right * dx + up * dy) / square, 0.0), 1.0)
-                    beside[j, i] |= math.hypot(right - part * dx, up - part * dy) <= near
+                    if min(x0, x1) - near <= line[i] <= max(x0, x1) + near:
+                        right = line[i] - x0
+                        part = min(max((right * dx + up * dy) / square, 0.0), 1.0)
+                        beside[j, i] |= math.hypot(right - part * dx, up - part * dy) <= near
     return inside | beside
 
 

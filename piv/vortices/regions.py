@@ -347,9 +347,7 @@ def _of_vectors(
 
 def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:
     """Random numbers (y, x, REPLICAS) of unit variance, alike over `p.correlated`."""
-    width = [max(p.correlated / (WINDOW_STD * step), 1e-3) for step in (p.step[1], p.step[0])]
+    std = [max(p.correlated / (WINDOW_STD * step), 1e-3) for step in p.step]
+    x, y = (cv2.getGaussianKernel(2 * int(4 * s) + 3, s) for s in std)
     noise = rng.standard_normal((*shape, REPLICAS))
-    smooth = ndimage.gaussian_filter(noise, (*width, 0), mode="reflect")
-    impulse = np.zeros([2 * int(4 * w) + 9 for w in width])
-    impulse[tuple(n // 2 for n in impulse.shape)] = 1.0
-    return smooth / np.sqrt((ndimage.gaussian_filter(impulse, width) ** 2).sum())
+    return cv2.sepFilter2D(noise, cv2.CV_64F, x, y) / np.sqrt((x**2).sum() * (y**2).sum())
