@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from itertools import chain
+from operator import call
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     jobs: list[_Job] = [partial(_draw, files, draw) for draw in (_space, _others, _instants)]
     jobs += [partial(_draw, files, partial(_slider, source=source)) for source in shown]
     with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
-        entries = list(chain.from_iterable((pool.map if pool else map)(_result, jobs)))
+        entries = list(chain.from_iterable((pool.map if pool else map)(call, jobs)))
     with _evidence(files) as (flow, _):
         tip = flow.planes["cfd"]["tip"].values[:, 0]
     known: dict[str, Any] = {}
@@ -53,10 +54,6 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     }
     FIGURES.write(files.figures / "figures.json", content)
     return entries
-
-
-def _result(job: _Job) -> list:
-    return job()
 
 
 @contextmanager

@@ -19,12 +19,11 @@ from postprocess.report.assumptions import flow_numbers, purpose, statements
 from postprocess.report.page_template import page_template
 from postprocess.report.pinch_table import pinch_table
 
-MAX_BYTES = 15_000_000  # a browser opens it with ease; long motions of long fingers take 12
 _MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".webm": "video/webm"}
 
 
 def make_report(files: StageFiles) -> Path:
-    """Write report.html; FileNotFoundError for a missing input, ValueError above MAX_BYTES."""
+    """Write report.html; FileNotFoundError for a missing input."""
     comparison = COMPARISON.read(files.required("comparison.json", "compare"))
     run = RUN.read(files.required("run/run.json", "run"))
     index = files.required("figures/figures.json", "figures")
@@ -65,7 +64,7 @@ def make_report(files: StageFiles) -> Path:
                 "texts": sections["timeline"][0]["texts"],
             }
         ),
-        notes=wording.absences(comparison, sections, finger=not body),
+        notes=wording.absences(comparison, finger=not body),
         body="fingers" if pinch else "body" if body else "finger",
         modelled=statements(scene, comparison["scale"]["value"], figures["tip_height"]),
         numbers=_numbers(files.out),
@@ -75,11 +74,6 @@ def make_report(files: StageFiles) -> Path:
         pretty=lambda value: json.dumps(value, indent=1, sort_keys=True, default=str),
     )
     path = files.out / "report.html"
-    if len(page.encode()) > MAX_BYTES:
-        raise ValueError(
-            f"{path} would have {len(page.encode()) / 1e6:.0f} MB, more than {MAX_BYTES / 1e6:.0f};"
-            " lower FRAMES in postprocess/report/flow_figures.py"
-        )
     write_text(path, page)
     return path
 

@@ -206,21 +206,17 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     return [*out, (value, "velocity difference (RMS)", remark)]
 
 
-def absences(comparison: dict[str, Any], sections: dict[str, Any], finger: bool) -> list[str]:
+def absences(comparison: dict[str, Any], finger: bool) -> list[str]:
     """One sentence for each optional part that the page lacks; `finger`: not a rigid body."""
     seen, has_piv = comparison["summary"], "piv" in comparison["sources"]
+    middle = "shows no vortex near the tip in the middle of the stroke"
     notes = {
         "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is"
         " judged and nothing else.": comparison["provenance"]["findings_sha256"] is None,
         f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no"
         " agreement is judged.": not has_piv,
-        "PIV shows no vortex near the tip in the middle of the stroke, so the two vortices are not"
-        " compared.": has_piv and "piv" not in seen,
-        "The CFD shows no vortex near the tip in the middle of the stroke, so its series is not"
-        " drawn.": "cfd" not in seen,
-        "No recording (images.h5) is kept for this level, so no camera picture is shown.": not any(
-            entry["file"] == "camera.webp" for entry in sections["run"]
-        ),
+        f"PIV {middle}, so the two vortices are not compared.": has_piv and "piv" not in seen,
+        f"The CFD {middle}, so its series is not drawn.": "cfd" not in seen,
         "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands"
         " show the measurement alone.": finger,
     }

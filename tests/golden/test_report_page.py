@@ -20,7 +20,6 @@ from postprocess.compare import stage as compare
 from postprocess.draw.style import save
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report import figures, flow_figures, picture_index, time_figures, wording
-from postprocess.report import stage as report
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
 
@@ -215,7 +214,6 @@ def test_the_page_needs_no_network(made):
         for key in ("src", "srcset", "data", "poster"):
             assert attrs.get(key, "data:").startswith("data:"), f"{tag} {key}"
         assert tag != "link" or attrs["href"].startswith("data:")
-    assert len(text.encode()) < report.MAX_BYTES
 
 
 def test_the_first_screen_has_the_answer_with_its_numbers(made):

@@ -42,7 +42,7 @@ def test_what_is_not_judged_is_marked_where_it_is_strong():
         {
             "time": [0.1] * 4 + [0.2],
             "track": [1, 2, 3, 4, 5],
-            "circulation": [1.0, -0.9, 0.4, 0.1, 9.0],
+            "circulation": [1.0, -0.9, 0.4, 0.05, 9.0],
         }
     )
     judged = [table[table["track"] == 1]]
