@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from postprocess.draw.series import BAND
-from postprocess.draw.style import BODY, COLOURS, MM, NAMES, WIDTH, new_figure
+from postprocess.draw.style import BODY, COLOURS, MM, NAMES, WIDTH
 
 _TALL = 7.6  # inches, as the figure beside it
 _AROUND = 0.03  # m shown beside the tip's way
@@ -24,9 +24,9 @@ def pressure_and_loads(
     planes: that instant of each source. on_outline: (point,) Pa. loads: as `load_table` gives them.
     """
     known = bool(np.isfinite(loads["moment_piv"]).any())
-    figure, _ = new_figure(WIDTH, _TALL if known else 0.7 * _TALL, dpi=160, squeeze=False)
-    figure.clear()
-    rows = [["cfd", "piv"], ["along"] * 2, *([["moment"] * 2] if known else [])]
+    height = _TALL if known else 0.7 * _TALL
+    figure = Figure(figsize=(WIDTH, height), dpi=160, layout="constrained")
+    rows: list[Any] = [["cfd", "piv"], ["along"] * 2, *([["moment"] * 2] if known else [])]
     axes = figure.subplot_mosaic(rows, height_ratios=[1.6, 1, 1][: len(rows)])
     size = float(np.nanpercentile(np.abs(planes["cfd"]["p"].values), 99.5))
     maps = [_map(axes[source], plane, size, NAMES[source]) for source, plane in planes.items()]
@@ -39,18 +39,15 @@ def pressure_and_loads(
         axes["along"].plot(way[order], pressure[order], **line)
         if known:
             axes["moment"].plot(loads["time"], loads[f"moment_{source}"], **line)
-    axes["along"].set(xlabel="way along the outline from the tip (dorsal > 0), mm")
-    axes["along"].set(ylabel="pressure, Pa", title="On the finger, same instant")
+    xlabel, title = "way along the outline from the tip (dorsal > 0), mm", "On the finger, then"
+    axes["along"].set(xlabel=xlabel, ylabel="pressure, Pa", title=title)
     axes["along"].legend(loc="best")
     if known:
         std = BAND * loads["moment_piv_std"]
         sides = loads["moment_piv"] - std, loads["moment_piv"] + std
-        axes["moment"].fill_between(
-            loads["time"], *sides, color=COLOURS["piv"], alpha=0.2, linewidth=0
-        )
-        axes["moment"].set(
-            xlabel="time, s", ylabel="N m per m width", title="Moment about the root"
-        )
+        band: dict[str, Any] = {"color": COLOURS["piv"], "alpha": 0.2, "linewidth": 0}
+        axes["moment"].fill_between(loads["time"], *sides, **band)
+        axes["moment"].set(xlabel="time, s", ylabel="N m per m width", title="Moment at the root")
     return figure
 
 
