@@ -22,7 +22,13 @@ from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import FILE, write_elastic_motion
 from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import PER_FINGER, IntervalMesh, NodeMotion, write_planform
+from fileio.formats.mesh_intervals import (
+    PER_FINGER,
+    Interval,
+    IntervalMesh,
+    NodeMotion,
+    write_planform,
+)
 from fileio.formats.records import MESH_QUALITY
 from pipeline.case import build_mesh, write_interval
 from pipeline.geometry.planform import Planform
@@ -117,24 +123,27 @@ class Coupled:
     def write(self, followers: list[Follower]) -> list[IntervalMesh]:
         """Check the motion and write it in place of the first guess; its meshes. StageError."""
         scene, h = self.scene, self.history
-        result, length = h.check(), scene.finger.length
-        if not result.passes(length):
+        result = h.check()
+        if fault := result.fault(scene.finger.length):
             raise StageError(
-                f"{scene.folder / 'scene.toml'}: the coupled motion fails its check:"
-                f" {result.describe(length)}; lower numerics.time_step"
+                f"{scene.folder / 'scene.toml'}: the coupled motion fails its check: {fault};"
+                " lower numerics.time_step"
             )
         out, time = scene.out / "run", self.step * np.arange(self.last + 1)
         values = kinematics_values(scene, self.finger.shapes(time, h.pressure, h.delta), exact=True)
         write_kinematics(out / "kinematics.h5", values, units=units_of(scene, values))
         meshes = [follower.mesh() for follower in followers]
-        attributes = {name: meshes[0].planform.attrs[name] for name in ("model", "mirror")}
+        planforms = [mesh.planform for mesh in meshes]
         write_planform(
             out / "planform.h5",
             [mesh.interval for mesh in meshes],
-            attributes,
-            [follower.values() for follower in followers],
+            {name: planforms[0].attrs[name] for name in ("model", "mirror")},
+            [
+                {n: p[n].values for n in p.variables} | {"corners": p.attrs["corners"]}
+                for p in planforms
+            ],
         )
-        rows = [row for follower in followers for row in follower.quality_rows()]
+        rows = [row for follower in followers for row in follower.quality]
         MESH_QUALITY.write(out / "mesh_quality.csv", rows)
         write_elastic_motion(
             scene.out / FILE,
@@ -152,17 +161,6 @@ class Coupled:
         return meshes
 
 
-def make_later_case(
-    scene: Scene, guesses: list[IntervalMesh], number: int, nodes: FloatArray
-) -> None:
-    """Write the case of an interval after the first, in the shape that the finger then has."""
-    mesh = guesses[number]
-    intervals = [each.interval for each in guesses]
-    shutil.rmtree(scene.out / "case" / mesh.interval.name, ignore_errors=True)
-    swept = build_mesh(mesh.planform)
-    write_interval(scene, intervals, mesh.interval, mesh.planform, swept, nodes)
-
-
 class Follower:
     """The solver of one mesh interval, whose mesh follows the coupled motion."""
 
@@ -174,6 +172,7 @@ class Follower:
             steps_of(at, run.step) for at in (interval.begin, interval.start, interval.end)
         )
         self._known = self._start  # step to whose end the loads are known
+        self.quality: list[tuple] = []  # rows of MESH_QUALITY
         names = ("triangles", "quads", "body", "wall", "material", "outer")
         fixed = file["fixed"].values.astype(bool)
         parts: dict[str, Any] = {name: file[name].values for name in names}
@@ -200,19 +199,17 @@ class Follower:
         target[self._planform.wall] = outline_at(outline, self._planform.material)
         try:
             nodes = move(nodes, target)
-            if self._is_checked(number):
-                quality = shape_quality(self._planform, nodes)
-                check_quality(quality, run.bend(number), run.scene.mesh, _BEYOND)
+            if number % _HESSIAN == 0 or number in (self._first, self._end):
+                quality, bend = shape_quality(self._planform, nodes), run.bend(number)
+                check_quality(quality, bend, run.scene.mesh, _BEYOND)
+                about = self._guess.interval.index, _HESSIAN / run.last, np.degrees(bend)
+                self.quality.append((*about[:1], *about, number * run.step, *astuple(quality)))
         except MorphError as error:
             raise StageError(
                 f"{run.scene.folder / 'scene.toml'}: at {number * run.step:.4g} s the mesh cannot"
                 f" follow the finger: {error}; raise that limit, or change mesh.wall_cell"
             ) from None
         return nodes
-
-    def _is_checked(self, number: int) -> bool:
-        """Whether the mesh's quality at the end of a step is looked at."""
-        return number % _HESSIAN == 0 or number in (self._first, self._end)
 
     def _follow(self, number: int) -> None:
         near = number - 1 - (number - 1 - self._first) % _HESSIAN
@@ -264,47 +261,27 @@ class Follower:
 
     def mesh(self) -> IntervalMesh:
         """The interval's mesh with its motion as far as it is known."""
-        time, points = self._motion()
-        index = self._guess.interval.index
+        run, guess, numbers = self._run, self._guess, sorted(self.nodes)
+        time, points = run.step * np.array(numbers), np.array([self.nodes[n] for n in numbers])
+        planform = guess.planform.drop_dims("shape_parameter").drop_vars(["built", "fixed"])
         return replace(
-            self._guess,
-            interval=replace(self._guess.interval, mesh=index, moving=True),
+            guess,
+            interval=replace(guess.interval, mesh=guess.interval.index, moving=True),
+            planform=planform.assign(
+                shape_parameter=("shape_parameter", time),
+                points=(("shape_parameter", "node", "axis"), points),
+                bend=("shape_parameter", np.array([run.bend(n) for n in numbers])),
+            ),
             motion=NodeMotion(CubicSpline(time, time), CubicSpline(time, points)),
         )
 
-    def _motion(self) -> tuple[FloatArray, FloatArray]:
-        numbers = sorted(self.nodes)
-        return self._run.step * np.array(numbers), np.array([self.nodes[n] for n in numbers])
-
-    def values(self) -> dict[str, Any]:
-        """Variables of the planform's group in planform.h5."""
-        file, (time, points) = self._guess.planform, self._motion()
-        other = ("shape_parameter", "points", "bend", "built", "fixed")
-        same = {str(name): file[name].values for name in file.variables if name not in other}
-        bends = np.array([self._run.bend(number) for number in sorted(self.nodes)])
-        moved = {"shape_parameter": time, "points": points, "bend": bends}
-        return same | moved | {"corners": file.attrs["corners"]}
-
-    def quality_rows(self) -> list[tuple]:
-        """Rows of MESH_QUALITY: of the shapes that `_at` has checked."""
-        run, index, share = self._run, self._guess.interval.index, _HESSIAN / self._run.last
-        return [
-            (
-                index,
-                index,
-                share,
-                np.degrees(run.bend(n)),
-                n * run.step,
-                *astuple(shape_quality(self._planform, nodes)),
-            )
-            for n, nodes in sorted(self.nodes.items())
-            if self._is_checked(n)
-        ]
-
-    @property
-    def first_nodes(self) -> FloatArray:
-        """Nodes (node, 2) m of the planform at the interval's begin."""
-        return self.nodes[self._first]
+    def write_case(self, intervals: list[Interval]) -> None:
+        """Write the case of one of the `intervals`, in the shape that the finger has then."""
+        mesh = self._guess
+        shutil.rmtree(self._case, ignore_errors=True)
+        swept = build_mesh(mesh.planform)
+        nodes = self.nodes[self._first]
+        write_interval(self._run.scene, intervals, mesh.interval, mesh.planform, swept, nodes)
 
     def lay_frames(self) -> None:
         """An empty frame for each instant: the solver finds them when it starts."""

@@ -18,7 +18,7 @@ from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
 from pipeline.run.checkpoint import prepared_for, resumable_ranks
-from pipeline.run.coupled import Coupled, Follower, make_later_case
+from pipeline.run.coupled import Coupled, Follower
 from pipeline.run.guards import guard_of
 from pipeline.run.prepare import prepare
 from pipeline.run.results import collect_results
@@ -71,7 +71,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                     followers.append(follower)
                     meshes[k] = follower.mesh()
                     if k and not prepared_for(case):
-                        make_later_case(scene, guesses, k, follower.first_nodes)
+                        follower.write_case(intervals)
                 # what was edited by hand, and the start of an earlier solver
                 write_numbers(scene, intervals, interval, meshes[k].planform)
                 lay = follower.lay_frames if follower else None

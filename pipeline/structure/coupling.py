@@ -46,12 +46,10 @@ class Check:
     open_energy: float  # over the pressure's work, until the first contact
     moment: float = 0.0  # the largest on a joint, over that of the bending law's table
 
-    def passes(self, length: float) -> bool:
-        """Whether both are within their tolerance; `length` (m): the finger's."""
-        return self.tip <= TIP_TOLERANCE * length and self.open_energy <= ENERGY_TOLERANCE
-
-    def describe(self, length: float) -> str:
-        """In words, with what is allowed to a finger of `length` (m)."""
+    def fault(self, length: float) -> str:
+        """What a finger of `length` (m) is not allowed, in words; empty where all is well."""
+        if self.tip <= TIP_TOLERANCE * length and self.open_energy <= ENERGY_TOLERANCE:
+            return ""
         return (
             f"under the loads of the run its tip moves by {self.tip * 1e3:.2g} mm and"
             f" {self.open_energy:.1%} of the pressure's work is open, with"

@@ -41,8 +41,11 @@ def test_added_mass_of_a_cylinder(tmp_path):
 def test_wet_period_of_a_cylinder_that_its_spring_and_the_water_move(tmp_path):
     """1 %: this mesh gives the added mass to 4 %, and that is half of the mass."""
     scene = load_scene(CASES / sprung.NAME, "tiny", out=tmp_path)
-    period, _ = sprung.fitted(*sprung.solve(scene))
-    assert period == pytest.approx(sprung.theory(scene.fluid.kinematic_viscosity)[0], rel=0.01)
+    period, decrement = sprung.fitted(*sprung.solve(scene))
+    wanted, lost = sprung.theory(scene.fluid.kinematic_viscosity)
+    assert period == pytest.approx(wanted, rel=0.01)
+    # 0.013; the flow's schemes take 0.5 % of the amplitude in a cycle on this mesh
+    assert decrement == pytest.approx(lost, abs=0.007)
 
 
 def test_added_mass_of_a_thin_plate():

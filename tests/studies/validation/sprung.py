@@ -96,17 +96,18 @@ def solve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return file["time"].values, 0.5 * LENGTH * turn
 
 
-def swing(time, rest, period, decay, late):
-    """A damped oscillation about `rest`, from 0."""
+def swing(time, rest, swung, period, decay, late):
+    """A damped oscillation about `rest`; a foot that takes time swings it by less than the rest."""
     since = time - late
-    return rest * (1 - np.exp(-decay * since) * np.cos(2 * np.pi * since / period))
+    return rest - swung * np.exp(-decay * since) * np.cos(2 * np.pi * since / period)
 
 
 def fitted(time: np.ndarray, path: np.ndarray) -> tuple[float, float]:
     """Wet period (s), and logarithmic decrement."""
     free = time > RISE + 0.05
-    fit, _ = curve_fit(swing, time[free], path[free], [REST, 2**0.5 * DRY_PERIOD, 0.1, RISE / 2])
-    return float(fit[1]), float(fit[2] * fit[1])
+    start = [REST, REST, 2**0.5 * DRY_PERIOD, 0.1, RISE / 2]
+    fit, _ = curve_fit(swing, time[free], path[free], start)
+    return float(fit[2]), float(fit[3] * fit[2])
 
 
 def theory(viscosity: float) -> tuple[float, float]:
