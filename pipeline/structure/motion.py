@@ -257,12 +257,12 @@ def turning(
 
 def felt(values: FloatArray, step: float) -> FloatArray:
     """Second derivative of values (EARLIER + 1, …), the latest first, as the flow feels it."""
-    return np.asarray(np.tensordot(_FELT, values, 1) / step**2)
+    return np.asarray(_FELT @ values / step**2)
 
 
 def _difference(weights: FloatArray, now: Any, before: Any) -> Any:
     """Weighted sum of a value now and (EARLIER, …) before, the latest first."""
-    return weights[0] * now + np.tensordot(weights[1:], before, 1)
+    return weights[0] * now + weights[1:] @ before
 
 
 def rates_of(at: Placed, step: float) -> Rates:
