@@ -20,9 +20,9 @@ const cursors = [...document.querySelectorAll("figure[data-axis]")].map(figure =
   return time => { line.style.left = 100 * (left + (time - first) / (last - first) * (right - left)) + "%"; };
 });
 
-// who has no pointer scrolls a wide figure by keys
-for (const figure of document.querySelectorAll("figure"))
-  if (figure.scrollWidth > figure.clientWidth) figure.tabIndex = 0;
+// who has no pointer scrolls a wide figure or table by keys
+for (const wide of document.querySelectorAll("figure, .scroll"))
+  if (wide.scrollWidth > wide.clientWidth) wide.tabIndex = 0;
 
 function show(index) {
   const time = data.times[index];
