@@ -20,7 +20,7 @@ from fileio.formats.plane_series import Planes, fields_of
 from fileio.formats.plane_writer import write_blocks
 from piv.commands.settings import add_paths, run_with
 from piv.foreign.read import open_vectors
-from piv.momentum.pressure import REFERENCE, WATER, attributes, pressures, values_of
+from piv.momentum.pressure import REFERENCE, WATER, Balance, values_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,19 +56,19 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
     p_std, largest, outside = [], 0.0, 0
     with open_vectors(source) as series:
         count, planes = series.sizes.get("time", 1), Planes(series[fields_of(series)])
+        balance = Balance(series, **settings)
 
         def parts() -> Iterator[xr.Dataset]:
             nonlocal outside, largest
-            bar = tqdm(pressures(series, **settings), "pressure", count, disable=quiet or None)
-            for k, found in enumerate(bar):
+            for k in tqdm(range(count), "pressure", disable=quiet or None):
+                found = balance.at(k)
                 outside += bool(np.isnan(found.get("line_moment", 0.0)).any())
                 p_std.append(np.nanmedian(found["p_std"]))
                 largest = max(largest, float(np.nanmax(np.abs(found["p"]))))
                 new = {name: values_of(name, values[None]) for name, values in found.items()}
                 yield planes[k].expand_dims("time").assign(new)
 
-        about = attributes(series, **settings)
-        write_blocks(parts(), output, series.assign_attrs(series.attrs | about))
+        write_blocks(parts(), output, series.assign_attrs(series.attrs | balance.attributes))
         known, outlines = "u_std" in series, "outline" in series
     if quiet:
         return

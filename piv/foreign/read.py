@@ -152,7 +152,8 @@ def read_vectors(
         raise ValueError("name at least one file of vectors")
     if kind in (None, "csv", "plane") and (plane := read_own(files[0])) is not None:
         if len(files) > 1:
-            raise ValueError(f"{files[0]}: give one file; it holds all instants itself")
+            whole = "the .pvd beside it" if files[0].suffix == ".vti" else f"{files[0].name} alone"
+            raise ValueError(f"{files[1]}: a second file of a series; give {whole}")
         if keep_replaced or zero_is_absent:
             raise ValueError(
                 f"{files[0]}: --keep-replaced and --zero-is-absent are of other programs' files"
@@ -163,7 +164,7 @@ def read_vectors(
         raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
     kind = kinds.pop()
     if kind == "pivpy" and len(files) > 1:
-        raise ValueError(f"{files[0]}: give one file; it holds all instants itself")
+        raise ValueError(f"{files[1]}: a second file of a series; give one, which holds it whole")
     if kind not in READERS:
         raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
     files.sort(key=natural_key)

@@ -182,7 +182,10 @@ def _tecplot_zone(path: Path, text: str, names: list[str]) -> Vectors:
     for key, options in wanted.items():
         known = [short.index(o) for o in options if o in short]
         if not known:
-            raise ValueError(f"{path}: no column {' or '.join(options)} among {', '.join(names)}")
+            raise ValueError(
+                f"{path}: no column {' or '.join(options)} among {', '.join(names)}; "
+                "name it so in the line VARIABLES"
+            )
         column[key] = known[0]
     flag = np.zeros(len(rows), np.uint8)
     for name in ("chc", "isvalid", "valid"):

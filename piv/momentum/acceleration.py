@@ -53,8 +53,7 @@ class Field(NamedTuple):
 class Slope(NamedTuple):
     """A time derivative: `weights` (field, y, x) of the fields `near`, 1/s.
 
-    value: (component, y, x); variance: their sum (y, x); lack: what it lacks (component, y, x),
-    m/s².
+    value, its variance, and lack, what it lacks (m/s²): (component, y, x).
     """
 
     near: range
@@ -90,7 +89,7 @@ def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: 
         velocity, noise = (np.stack([one[part] for one in some], axis=1) for part in (0, 1))
         weights, curvature = _parabola_weights(times[near] - times[at], present)
         slope = np.einsum("fyx,cfyx->cyx", weights, velocity)
-        variance = np.einsum("fyx,cfyx->yx", weights**2, np.square(noise))
+        variance = np.einsum("fyx,cfyx->cyx", weights**2, np.square(noise))
         known = np.isfinite(slope).all(axis=0)
         mean = _mean_over(slope, known, WIDE * length)[:, ok]
         biases = [
@@ -98,7 +97,7 @@ def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: 
             for shorter, own in zip(means, noises, strict=True)
         ]
         means.append(mean)
-        noises.append(share * float(np.median(variance[known])))
+        noises.append(share * float(np.median(variance.sum(axis=0)[known])))
         errors.append(noises[-1] + max([0.0, *biases]))
         if errors[-1] == min(errors):
             bend = np.einsum("fyx,cfyx->cyx", curvature, velocity)

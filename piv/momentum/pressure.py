@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache, partial
 from typing import Any
 
@@ -23,7 +22,6 @@ SAMPLES = 12  # of errors, which give standard uncertainties to a fifth
 WINDOW = 2.0  # grid steps, where the series does not state it: that of an overlap of a half
 _MODEL_LENGTH = 20.0  # grid steps over which errors of the balance hang together
 _SHARE = 0.04  # of the pressure, chosen: what windows take without a trace
-_FIELDS = 2 * REACHES[-1] + 1
 _ROUNDS = 6  # of the fit of two variances, which then stands still
 LEAST = 1e-6  # m/s: no vector is better known
 REFERENCE = "mean over the edge of the view is 0"
@@ -38,47 +36,24 @@ def pressure(
 ) -> xr.Dataset:
     """The series with `p`, `p_std` and, with an outline, the water's loads on it; all in memory.
 
-    Options and method as in `pressures`.
+    Options and method as of `Balance`.
     """
-    rows = list(pressures(series, density=density, viscosity=viscosity, about=about))
+    balance = Balance(series, density, viscosity, about)
+    rows = [balance.at(k) for k in range(series.sizes["time"])]
     made = {name: values_of(name, np.stack([row[name] for row in rows])) for name in rows[0]}
-    return series.assign(made).assign_attrs(attributes(series, density, viscosity, about))
+    return series.assign(made).assign_attrs(balance.attributes)
 
 
 def values_of(name: str, values: ndarray) -> xr.Variable:
-    """What `pressures` gives, as a variable over time of a plane series."""
+    """What `Balance.at` gives, as a variable over time of a plane series."""
     grid = AXES[name][1:] == ("y", "x")
     return xr.Variable(
         AXES[name], values.astype(np.float32) if grid else values, {"units": UNITS[name]}
     )
 
 
-def attributes(
-    series: xr.Dataset, density: float, viscosity: float, about: tuple[float, float]
-) -> dict[str, Any]:
-    """What a file says of the pressure in it."""
-    wall = "outline_velocity" in series and "outline" in series
-    return {
-        "density": density,
-        "kinematic_viscosity": viscosity,
-        "pressure_reference": REFERENCE,
-        "pressure_boundary": (
-            "on the outline the gradient of its acceleration; elsewhere none"
-            if wall
-            else "none: free at masks and at the edge of the view"
-        ),
-        "moment_about": list(about),
-    }
-
-
-def pressures(
-    series: xr.Dataset,
-    *,
-    density: float = WATER[0],
-    viscosity: float = WATER[1],
-    about: tuple[float, float] = (0.0, 0.0),
-) -> Iterator[dict[str, ndarray]]:
-    """`p`, `p_std` (y, x) Pa, and with an outline its pressure and loads, instant by instant.
+class Balance:
+    """The momentum of a series' instants.
 
     density: kg/m³; viscosity: kinematic, m²/s; about: the moment's point, m.
 
@@ -91,40 +66,43 @@ def pressures(
     fit and scaled by the same residuals, what the time derivative lacks, and `_SHARE` of p. Source
     of the method: van Oudheusden, Meas. Sci. Technol. 24, 032001 (2013).
     """
-    balance = Balance(series, density, viscosity, about)
-    return (balance.at(k) for k in range(series.sizes["time"]))
-
-
-class Balance:
-    """The momentum of a series' instants; options as in `pressures`."""
 
     def __init__(
         self, series: xr.Dataset, density: float, viscosity: float, about: tuple[float, float]
     ) -> None:
         _check(series, density, viscosity)
         used = [n for n in (*VECTORS, "outline", "outline_velocity") if n in series]
-        self._density, self._viscosity = density, viscosity
         walls = [name for name in used if name.startswith("outline")]
         self._walls = series[walls].load()
+        self._density, self._viscosity = density, viscosity
         planes = Planes(series[[name for name in used if name not in walls]])
         self._about = np.asarray(about, dtype=float)
         self._x, self._y, self._times = (series[name].values for name in ("x", "y", "time"))
         self._steps = float(np.diff(self._x[:2])[0]), float(np.diff(self._y[:2])[0])
         self._window = window_of(series) / self._steps[0] or WINDOW
         shape = (2, SAMPLES, len(self._y), len(self._x))
-        self._unit_errors = _errors(0, shape, _MODEL_LENGTH)
-        self._fields = lru_cache(maxsize=_FIELDS)(partial(_field, planes))
-        self._noises = lru_cache(maxsize=_FIELDS)(self._noise)
-
-    def _noise(self, k: int) -> ndarray:
-        """Random errors (sample, component, y, x) of the vectors of instant `k`, m/s."""
-        std = self._fields(k).std
-        return _errors(k + 1, (SAMPLES, *std.shape), self._window) * std
+        # of unit variance, the same at every instant: of one field, of others, of the balance
+        self._errors = tuple(
+            _errors(seed, shape, length)
+            for seed, length in enumerate((self._window, self._window, _MODEL_LENGTH))
+        )
+        self._fields = lru_cache(maxsize=2 * REACHES[-1] + 1)(partial(_field, planes))
+        wall = len(walls) == 2
+        self.attributes: dict[str, Any] = {  # what a file says of the pressure in it
+            "density": density,
+            "kinematic_viscosity": viscosity,
+            "pressure_reference": REFERENCE,
+            "pressure_boundary": (
+                "on the outline the gradient of its acceleration; elsewhere none"
+                if wall
+                else "none: free at masks and at the edge of the view"
+            ),
+            "moment_about": list(about),
+        }
 
     def at(self, k: int) -> dict[str, ndarray]:
-        """What `pressures` gives of instant `k`."""
-        now, noises = self._fields(k), self._noises
-        slope = time_slope(self._times, k, self._fields, self._window)
+        """`p`, `p_std` (y, x) Pa, and with an outline its pressure and loads, of instant `k`."""
+        now, slope = self._fields(k), time_slope(self._times, k, self._fields, self._window)
         (u, v), (dx, dy) = now.velocity, self._steps
         flow = Flow(u, v, now.ok, dx, dy, self._viscosity)
         rates = acceleration(flow, slope.value, u, v)
@@ -135,19 +113,20 @@ class Balance:
         reach = -self._density * net.steps  # from accelerations to differences of pressure
         g = gradients(u, v, now.ok, dx, dy, "fourth-order")
         strain = _near(sum(np.square(part) for part in g), good)
-        own = slope.variance + np.square(now.std).sum(axis=0) * (
-            (u / dx) ** 2 + (v / dy) ** 2 + strain
-        )
+        faced = (u / dx) ** 2 + (v / dy) ** 2 + strain
+        own = (slope.variance + np.square(now.std) * faced).sum(axis=0)
         parts = [reach**2 * net.middle(part) for part in (own, strain)]
         fit = _weighted(net, reach * net.middle(*rates), parts)
         p, off = fit(reach * net.middle(*rates))
 
-        du, dv = noises(k).swapaxes(0, 1)
-        of_slopes = sum(w * noises(j) for j, w in zip(slope.near, slope.weights, strict=True))
-        of_slopes = of_slopes.swapaxes(0, 1)
-        of_noise = acceleration(flow, of_slopes, du, dv)
+        of_now, of_others, of_balance = self._errors
+        of_now = of_now * now.std[:, None]
+        share = slope.weights[k - slope.near.start]  # of this field in its derivative
+        others = np.sqrt(np.maximum(slope.variance - np.square(share * now.std), 0.0))
+        du, dv = of_now
+        of_noise = acceleration(flow, share * of_now + others[:, None] * of_others, du, dv)
         of_noise += np.stack([du * g.dudx + dv * g.dudy, du * g.dvdx + dv * g.dvdy])
-        kinds = of_noise, self._unit_errors * np.sqrt(strain)
+        kinds = of_noise, of_balance * np.sqrt(strain)
         errors, offs = zip(*(fit(reach * net.middle(*kind)) for kind in kinds), strict=True)
         shares = _two_variances(
             off**2,
