@@ -6,7 +6,7 @@ SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION \
-            ACCOUNT RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK PRESSURE
+            ACCOUNT RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK
 export $(VALUES)
 
 SHELL    := /bin/sh
@@ -22,7 +22,7 @@ UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study tradeoff predict compare virtual-lab fea validate docs test unit lint \
+.PHONY: help setup study tradeoff predict compare fea validate docs test unit lint \
     test-slurm faults bench-piv clean $(SCENES)
 
 help: ## this list
@@ -57,9 +57,6 @@ fea: $(READY) ## bending states of the actuator of SCENE
 
 compare: $(READY) ## SCENE against laboratory data: DPIV=folder [QUICK=1: motion alone]
 	@$(RUN) compare cases/$(SCENE)
-
-virtual-lab: $(READY) ## a stand-in recording at PRESSURE=21 kPa to try compare on
-	@$(RUN) virtual-lab cases/$(SCENE)
 
 study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv [STUDIES="some runs"]
 	@$(RUN) study "$$STUDY" $(if $(filter command,$(firstword $(origin SCENE))),--scene cases/$(SCENE))

@@ -24,7 +24,7 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 # values that make hands on by the environment
 MAKE_VALUES = ["LEVEL", "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET"]
 MAKE_VALUES += ["SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES"]
-MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK", "PRESSURE"]
+MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK"]
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App(
@@ -290,7 +290,7 @@ def compare(
     Parameters
     ----------
     quick
-        Print the motion only; nothing is solved.
+        Compare the motion only; nothing is solved.
     """
     from pipeline.runs.make import Machine
     from postprocess.lab.command import compare_with
@@ -300,26 +300,7 @@ def compare(
     machine = Machine(ranks, min(ranks, CORES))
     run_ = _open(scene, level)
     page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
-    if page is not None:
-        print(f"report: {page.resolve()}")
-
-
-@app.command
-def virtual_lab(
-    scene: Scene,
-    *,
-    level: Level = "coarse",
-    pressure_kpa: Annotated[float, Parameter(env_var="PRESSURE", help="Of the last stroke.")] = 21,
-    ranks: Ranks = DEFAULT_RANKS,
-    quiet: Quiet = False,
-) -> None:
-    """Render a synthetic recording as a laboratory would record it, to try compare on."""
-    from pipeline.runs.make import Machine
-    from postprocess.lab.command import virtual_laboratory
-
-    machine = Machine(ranks, min(ranks, CORES))
-    folder = virtual_laboratory(_open(scene, level), pressure_kpa, machine, quiet)
-    print(f"now: make compare SCENE={scene.name} LEVEL={level} DPIV={folder}")
+    print(f"report: {page.resolve()}")
 
 
 @app.command

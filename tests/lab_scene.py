@@ -11,14 +11,22 @@ from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinemat
 from fileio.formats.plane_series import make_plane
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
-from piv.images.masks import inside_polygon
-from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.particle_images import Body, add_particles, expose, sheet_light
-from piv.synthetic.particles import Box, seed_particles
-from postprocess.lab.data.pose import Pose
+from piv.foreign.write import write_vectors
 from postprocess.lab.registration.silhouette import left_of
-from postprocess.lab.virtual.virtual_laboratory import SetUp, camera_for
 
+VECTORS = """format = "dpiv"
+format_version = 4
+title = "vectors"
+kind = "vectors"
+files = "v.h5"
+frame_rate_hz = 100.0
+start = {{ at_s = 0.05, std_s = 0.001 }}
+finger_geometry = "measured"
+scale = {{ scale_mm_per_px = 0.25, std_percent = 0.5 }}
+axes = {{ y = "up", root_mm = [{x!r}, {y!r}], root_std_mm = 0.3, turn_std_deg = 0.5 }}
+piv = {{ window = 24, spacing = 8, interval_s = 0.002 }}
+vectors = {{ std_px = 0.05 }}
+"""
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 
 
@@ -29,45 +37,18 @@ def finger_kinematics(folder: Path) -> Kinematics:
     return read_kinematics(path)
 
 
-def set_up(kinematics: Kinematics, columns: int = 400, seed: int = 1, **more) -> SetUp:
-    """A small camera before the finger, with errors of set-up."""
-    errors = {"shift_mm": (1.0, -0.6), "turn_deg": 2.0, "scale_error": 0.01} | more
-    return SetUp(
-        camera_for(kinematics.root, columns, 160 / columns, 500.0),
-        Seeding(density_ppp=0.06),
-        seed=seed,
-        **errors,
-    )
-
-
-def stated_pose(kinematics: Kinematics, camera: Camera) -> Pose:
-    """What the laboratory believes."""
-    at = np.asarray(camera.origin_px) + np.asarray(kinematics.root) / camera.pixel
-    return Pose(camera.scale_mm_per_px, 0.0, kinematics.root, (float(at[0]), float(at[1])))
+def state_vectors(plane: xr.Dataset, folder: Path, root=(20.0, 15.0)) -> Path:
+    """A folder of vectors with their dpiv.toml; `root` (mm) in the plane's axes."""
+    folder.mkdir(exist_ok=True)
+    write_vectors(plane, folder / "v.h5")
+    (folder / "dpiv.toml").write_text(VECTORS.format(x=root[0], y=root[1]))
+    return folder
 
 
 def inside_sum(integral: np.ndarray, outline: np.ndarray, mean: float = 0.0) -> float:
     """Sum of the evidence inside a counter-clockwise outline (point, 2) px."""
     after = np.roll(outline, -1, axis=0)
     return sum(left_of(integral, mean, *a, *b) for a, b in zip(outline, after, strict=True))
-
-
-def still_picture(kinematics: Kinematics, lab: SetUp, pressure: float, seed: int) -> np.ndarray:
-    """One picture (row 0 at the top) of fresh particles around the finger at a pressure (Pa)."""
-    camera, seeding, pose = lab.camera, lab.seeding, lab.pose(kinematics.root)
-    rng = np.random.default_rng([lab.seed, seed])
-    box = Box(-4.0, camera.width_px + 4.0, -4.0, camera.height_px + 4.0, 1.25)
-    p = seed_particles(box, seeding.density_ppp, seeding.diameter_px, seeding.diameter_std_px, rng)
-    outline = pose.to_px(kinematics.shape("outline", pressure))
-    polygon = np.array([0, camera.height_px - 1]) + outline * [1, -1]
-    axes = np.arange(camera.width_px), np.arange(camera.height_px)
-    mask = inside_polygon(polygon, *axes).astype(np.uint8)
-    row = camera.height_px - 1 - p[1]
-    light = seeding.peak * 255 * sheet_light(p[2], 1.0) * (p[3] / seeding.diameter_px) ** 2
-    light[Body(mask, (polygon,)).holds(p[0], row)] = 0
-    image = np.zeros(mask.shape, np.float32)
-    add_particles(image, p[0], row, light, p[3])
-    return expose(image, rng, bits=8, background=camera.background, read_noise=camera.read_noise)
 
 
 def vortex_series(

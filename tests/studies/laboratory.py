@@ -1,6 +1,6 @@
 """Blind comparisons: recordings by the second renderer, with motion and water that are known.
 
-    python -m tests.studies.laboratory FIRST LAST [--scene cases/single_finger --level smoke]
+    python -m tests.studies.laboratory FIRST LAST [--scene cases/single_finger]
 
 One row per seed goes to docs/record/laboratory_blind.csv. Faults follow from the seed alone.
 """
@@ -30,7 +30,7 @@ from postprocess.evidence.tip_vortex import dominant_track
 from postprocess.lab.command import compare_with
 from postprocess.lab.data.files import read_registration
 from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.judgement.compare import WIDE
+from postprocess.lab.virtual.common_grid import WIDE
 from tests.lab_renderer import Faults, Filmed
 
 TABLE = Path("docs/record/laboratory_blind.csv")
@@ -52,13 +52,12 @@ PLAN = ["none", "none", "none", *list(WATERS)[1:]]  # ten seeds
 BESIDE = (0.5, 0.7, 1.6, 2.5)  # every second ten seeds: density within 2 mm of the wall
 BLEND = 6e-3  # m from the wall over which a gain sets in: water sticks to it
 TOML = """format = "dpiv"
-format_version = 3
+format_version = 4
 title = "blind {seed}"
 kind = "pictures"
 files = "recording.h5"
 frame_rate_hz = {rate}
 start = "from motion"
-sheet_thickness_mm = 1.5
 finger_geometry = "measured"
 finger_length_std_mm = 0.05
 scale = {{ scale_mm_per_px = {scale}, std_percent = 0.5 }}
@@ -108,15 +107,13 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
     run, base, flow = flow_of(nominal, fault, folder)
     kinematics = read_kinematics(run.path("kinematics"))
     stated = Pose(SCALE, 0.0, kinematics.root, (220.0, 430.0))
-    scale = SCALE * (1 + rng.normal(0, 0.005))
     x, y = (float(v) for v in stated.at_px + rng.uniform(-4, 4, 2))
-    true = Pose(scale, np.radians(rng.uniform(-2, 2)), kinematics.root, (x, y))
-    start = rng.uniform(0.002, 0.010)
+    scale, turn = SCALE * (1 + rng.normal(0, 0.005)), np.radians(rng.uniform(-2, 2))
+    true, start = Pose(scale, turn, kinematics.root, (x, y)), rng.uniform(0.002, 0.010)
     begin = start + np.arange(PAIRS) / RATE
     begin = begin[begin + INTERVAL < kinematics.time[1]]
     times = np.column_stack([begin, begin + INTERVAL]).ravel()
-    pressures = kinematics.law(np.clip(times, *kinematics.time))
-    seen = kinematics, true, pressures, SHAPE, Faults(beside=beside), seed
+    seen = kinematics, true, kinematics.law(times), SHAPE, Faults(beside=beside), seed
     film, place = Filmed(*seen, flow=flow, times=times), folder / f"blind_{seed}"
     place.mkdir(exist_ok=True)
     where = place / "recording.h5", SHAPE, np.uint8, len(film), {"bits": 8}
@@ -133,44 +130,35 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
         compare_with(nominal, place, Machine(), inputs=True, quick=False, quiet=True)
     except StageError as error:
         return row | {"refused": str(error)}
-    found, result = read_registration(lab / "registration.json"), LAB_COMPARISON.read(
-        lab / "comparison.json"
-    )  # fmt: skip
+    found = read_registration(lab / "registration.json")
+    result = LAB_COMPARISON.read(lab / "comparison.json")
+    judged = {q["name"]: q for q in result["quantities"]}
     law = read_kinematics(nominal.path("kinematics")).law
-    truth = [
-        *true.at_px,
-        true.angle,
-        -np.log(true.pixel),
-        float(kinematics.law(0.42) / law(0.42)),
-        -start,
-    ]
-    known = [*found.pose.at_px, found.pose.angle, -np.log(found.pose.pixel)]
-    known += [found.law.values[0], found.law.values[1]]
+    truth = [*true.at_px, true.angle, -np.log(true.pixel), kinematics.law(0.42) / law(0.42), -start]
+    known = [*found.pose.at_px, found.pose.angle, -np.log(found.pose.pixel), *found.law.values[:2]]
     std = [*np.sqrt(np.diag(found.covariance)), found.law.std("factor"), found.law.std("delay")]
     names = ("x_px", "y_px", "turn", "scale", "factor", "delay")
     for name, one, other, s in zip(names, known, truth, std, strict=True):
-        row |= {f"{name}_error": one - other, f"{name}_std": s}
+        row |= {f"{name}_error": one - float(other), f"{name}_std": s}
     row |= {"stretch": found.law.values[2], "stretch_std": found.law.std("stretch")}
     with read_plane(lab / "direct.h5") as direct:
         like = direct.load()
-    width = kinematics.tip_width
-    within = slice(*(t + e for t, e in zip(result["window_s"], (-1e-6, 1e-6), strict=True)))
-    ours, theirs = (circulation(f, true, like, width).loc[within].mean() for f in (base, flow))
+    window = np.add(judged["circulation"]["window"], (-1e-6, 1e-6))
     if fault == "viscosity x 3":
-        ours = (
-            circulation(flow_of(nominal, "none", folder)[1], true, like, width).loc[within].mean()
-        )
+        base = flow_of(nominal, "none", folder)[1]
+    ours, theirs = (
+        circulation(f, true, like, kinematics.tip_width).loc[slice(*window)].mean()
+        for f in (base, flow)
+    )
     row |= {"true_difference": (ours - theirs) / theirs}
-    for q in result["quantities"]:
-        if q["name"] == "centre":
-            continue
+    for name, q in judged.items():
         size = abs(q["scale"])
-        row |= {f"{q['name']}_verdict": q["verdict"], f"{q['name']}_E": q["error"][0] / size}
-        row |= {f"{q['name']}_u": q["u_val"][0] / size, f"{q['name']}_u_D": q["u_D"][0] / size}
-        row |= {f"{q['name']}_found_above": q["detectable"] / size}
-    row |= {"finer": result["quantities"][2]["finer"][0] / abs(theirs)}
-    row |= {"motion": result["motion"], "flow": result["flow"], "begin_s": result["window_s"][0]}
-    row |= {"centre_verdict": result["quantities"][3]["verdict"], "refused": ""}
+        row |= {f"{name}_verdict": q["verdict"], f"{name}_found_above": q["detectable"] / size}
+        if name != "centre":
+            row |= {f"{name}_E": q["error"][0] / size, f"{name}_u": q["u_val"][0] / size}
+            row |= {f"{name}_u_D": q["u_D"][0] / size}
+    row |= {"finer": judged["circulation"]["finer"][0] / abs(theirs), "begin_s": window[0]}
+    row |= {"motion": result["motion"], "flow": result["flow"], "refused": ""}
     shutil.rmtree(lab)
     return row
 
@@ -181,19 +169,17 @@ def main() -> None:
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     parser.add_argument("--scene", default="cases/single_finger")
-    parser.add_argument("--level", default="smoke")
     parser.add_argument("--table", type=Path, default=TABLE)
     asked = parser.parse_args()
-    nominal = open_run(asked.scene, asked.level)
+    nominal = open_run(asked.scene, "smoke")
     folder = nominal.out / "blind"
     folder.mkdir(parents=True, exist_ok=True)
     for seed in range(asked.first, asked.last + 1):
-        row = compared(nominal, seed, folder)
-        rows = pd.DataFrame([row])
+        rows = pd.DataFrame([compared(nominal, seed, folder)])
         if asked.table.exists():
             rows = pd.concat([pd.read_csv(asked.table), rows])
         rows.to_csv(asked.table, index=False, float_format="%.5g")
-        print(json.dumps(row, default=str), flush=True)
+        print(json.dumps(rows.iloc[-1].to_dict(), default=str), flush=True)
         shutil.rmtree(folder / f"blind_{seed}", ignore_errors=True)
 
 

@@ -157,7 +157,7 @@ def tutorials(folder: Path) -> None:
     (out,) = folder.glob("test/**/clone/cases/my_finger/out/smoke")
     flow = sorted((out / "figures").glob("flow_*.webp"))
     _copy(flow[len(flow) // 2], DOCS / "tutorials/own_finger")
-    _copy(out / "lab/recording/comparison.svg", DOCS / "tutorials/comparison")
+    _copy(out / "lab/recording/figures/series.svg", DOCS / "tutorials/comparison")
     _copy(out / "results.png", DOCS / "tutorials/results")
 
 

@@ -9,43 +9,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fileio.errors import StageError
-from fileio.key_reference import complaints
+from fileio.key_reference import Key, complaints, keys_of
 from fileio.provenance import check_version
 from fileio.toml_text import read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
-VERSION = 3
+VERSION = 4
 TABLES = ("piv", "axes", "scale")
-CAMERA = "columns rows density_ppp diameter_px background read_noise peak scale_mm_per_px"
-HINTS = {
-    "files": 'files = "frames/*.tif", a path beside dpiv.toml, or a list of them',
-    "frame_rate_hz": "frame_rate_hz, the pictures (of pictures in pairs: the pairs) per second",
-    "start": "start = { at_s = …, std_s = … }, the time of the first picture on the simulation's"
-    ' clock, or start = "from motion"',
-    "scale": "scale = { scale_mm_per_px = …, std_percent = … },"
-    ' { calibration = "file.json", std_percent = … } or { from_finger = true }',
-    "axes": 'axes = { y = "up" or "down", x = "right" or "left", root_px = [x, y] },'
-    " with the position of the root's middle in px, y counted as stated",
-    "finger_geometry": 'finger_geometry = "measured" (the scene\'s states are of this finger) or'
-    ' "nominal" (they are of the drawing: the bands of the FEA count)',
-    "finger_length_std_mm": "finger_length_std_mm, how well the finger's length is known, mm",
-    "piv": "piv = { window = …, spacing = … }, the settings of the evaluation in px",
-    "sheet_thickness_mm": "sheet_thickness_mm, the full width of the light sheet at 1/e²",
-    "piv.pairing": 'pairing = "1-2,2-3" (each picture with the next) or "1-2,3-4" (pairs, with'
-    " interval_s)",
-    "piv.interval_s": "interval_s, the time between the two exposures of a vector field, s",
-    "axes.turn_std_deg": "turn_deg and turn_std_deg, the turn of the picture against the tank and"
-    " how well it is known",
-    "axes.root_mm": "root_mm, the middle of the finger's root in the files' axes, mm",
-    "axes.root_std_mm": "root_std_mm, how well that is known, mm",
-    "scale.std_percent": "std_percent, how well the scale is known, in per cent",
-    "axes.root_px": "root_px, the position of the root's middle in px, or scale ="
-    " { from_finger = true }",
-    "camera": f'camera = {{ {CAMERA.replace(" ", " = …, ")} = … }}, or camera = "none" to leave'
-    " out the virtual experiment",
-}
 
 
 class Table(BaseModel):
@@ -64,15 +36,13 @@ class Start(Table):
 
 
 class Scale(Table):
-    """One of three: a number, a calibration of `piv calibrate`, or the finger's own length."""
+    """One of two: a number, or a calibration of `piv calibrate`."""
 
     scale_mm_per_px: Positive | None = None
     """Size of a pixel in the light sheet [mm/px]"""
     calibration: str | None = None
     """File of piv calibrate, in its place"""
-    from_finger: bool = False
-    """Whether the finger's length tells the scale, in its place"""
-    std_percent: Positive | None = None
+    std_percent: Positive
     """Relative standard uncertainty of the scale [%]"""
 
     @property
@@ -121,46 +91,11 @@ class Evaluation(Table):
     """Of the pictures, as piv correlate --preprocess"""
 
 
-class VectorFiles(Table):
-    """What exported vectors do not say themselves."""
+class Vectors(Table):
+    """What vectors do not say themselves."""
 
-    kind: Literal["openpiv", "pivlab", "tecplot", "davis", "csv", "plane"] | None = None
-    """Format of the files; absent: by their content"""
-    length_unit: str | None = None
-    """Where the files do not state it"""
-    velocity_unit: str | None = None
-    """Where the files do not state it"""
-    image_rows: int | None = None
-    """Of the picture, where y is counted from its top [px]"""
-    zero_is_absent: bool = False
-    """Whether a displacement of exactly zero is an absent vector"""
-    keep_replaced: bool = False
-    """Whether vectors that the program has replaced count"""
-    std_px: Positive | None = None
-    """Standard uncertainty of a displacement, where the files carry none [px]"""
-
-
-class LabCamera(Table):
-    """Camera and seeding of vectors without pictures; of pictures these are measured."""
-
-    columns: Annotated[int, Field(ge=64)]
-    """Of the picture [px]"""
-    rows: Annotated[int, Field(ge=64)]
-    """Of the picture [px]"""
-    density_ppp: Positive
-    """Particles in a pixel [1/px²]"""
-    diameter_px: Positive
-    """Of a particle's picture, at 1/e² [px]"""
-    background: NotNegative
-    """Of the dark picture [grey levels]"""
-    read_noise: NotNegative
-    """Standard deviation [grey levels]"""
-    peak: Positive
-    """Of a particle in the middle of the sheet [grey levels]"""
-    scale_mm_per_px: Positive
-    """Size of a pixel in the light sheet [mm/px]"""
-    bits: Literal[8, 10, 12, 16] = 8
-    """Of a grey value"""
+    std_px: Positive
+    """Standard uncertainty of a displacement, where the file carries none [px]"""
 
 
 class Dpiv(Table):
@@ -180,7 +115,7 @@ class Dpiv(Table):
     frame_rate_hz: Positive
     """Pictures per second; pairs of pairing "1-2,3-4", fields of vectors [Hz]"""
     start: Start | Literal["from motion"]
-    """When the first picture is taken; "from motion": the finger shows it"""
+    """{ at_s = …, std_s = … } of the first picture, or of pictures "from motion": they show it"""
     scale: Scale
     """How large a pixel is"""
     axes: Axes
@@ -189,8 +124,6 @@ class Dpiv(Table):
     """ "measured": the states are of this finger; "nominal": of the drawing, whose bands count"""
     piv: Evaluation
     """How pictures are, or vectors were correlated"""
-    sheet_thickness_mm: Positive
-    """Full width of the light sheet at 1/e² [mm]"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
     """What is done with coloured pictures"""
     finger_length_std_mm: NotNegative | None = None
@@ -199,10 +132,8 @@ class Dpiv(Table):
     """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
     light_from_deg: float | None = None
     """Of pictures lit from one side: whence, counter-clockwise from the right [deg]"""
-    vectors: VectorFiles | None = None
-    """Of kind = "vectors": what the files do not say themselves"""
-    camera: LabCamera | Literal["none"] | None = None
-    """Of kind = "vectors": camera and seeding; "none" leaves out the virtual experiment"""
+    vectors: Vectors | None = None
+    """Of kind = "vectors": what the file does not say itself"""
 
     @property
     def name(self) -> str:
@@ -250,47 +181,52 @@ def read_dpiv(path: Path) -> Dpiv:
                 missing.insert(0, ".".join(map(str, place)))
             else:
                 wrong += complaints([one | {"loc": place}], Dpiv)
-    needs = (f"{key} is missing: give {HINTS.get(key, key)}" for key in dict.fromkeys(missing))
+    needs = [f"{key.name} is missing: {key.meaning} ({key.type})" for key in _asked(missing)]
     if faults := "; ".join([*needs, *wrong]):
         raise StageError(f"{path}: {faults}")
     return dpiv
+
+
+def _asked(missing: list[str]) -> list[Key]:
+    """The missing keys, of a missing table those that it must have."""
+    known = {key.name: key for key in keys_of(Dpiv, without=frozenset({"folder"}))}
+    names: dict[str, None] = {}
+    for one in missing:
+        within = [k.name for k in known.values() if k.name.startswith(f"{one}.")]
+        within = [name for name in within if known[name].default == "required"]
+        names |= dict.fromkeys(within if known[one].type == "table" else [one])
+    return [known[name] for name in names]
 
 
 def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     """Keys that pictures or vectors need as well, and sentences on what contradicts its kind."""
     of = {name: part if isinstance(part := table.get(name), dict) else {} for name in TABLES}
     piv, axes, scale = (of[name] for name in TABLES)
-    finger, pairing = bool(scale.get("from_finger")), piv.get("pairing")
-    ways = finger + ("calibration" in scale) + ("scale_mm_per_px" in scale)
+    pairing, ways = piv.get("pairing"), ("calibration" in scale) + ("scale_mm_per_px" in scale)
     vectors, pictures = (table.get("kind") == kind for kind in ("vectors", "pictures"))
     needed = {
-        "scale.std_percent": scale and not finger,
-        "camera": vectors,
-        "axes.root_mm": vectors and axes,
-        "axes.root_std_mm": vectors and axes,
-        "axes.turn_std_deg": vectors and axes,
-        "piv.interval_s": (vectors and piv) or (pictures and pairing == "1-2,3-4"),
-        "piv.pairing": pictures and piv,
+        "axes.root_mm": vectors,
+        "axes.root_std_mm": vectors,
+        "axes.turn_std_deg": vectors,
+        "piv.interval_s": vectors or (pictures and pairing == "1-2,3-4"),
+        "piv.pairing": pictures,
         "finger_length_std_mm": pictures,
-        "axes.root_px": pictures and axes and not finger,
+        "axes.root_px": pictures,
+        "scale.scale_mm_per_px": vectors or ways == 0,
     }
     given = {*table, *(f"{name}.{key}" for name, part in of.items() for key in part)}
-    stated = HINTS["start"].split(", or")[0]
     faults = {
-        f"scale: give one of {HINTS['scale'].removeprefix('scale = ')}": scale and ways != 1,
-        f"start cannot come from the motion without pictures: give {stated}": vectors
+        "scale: give scale_mm_per_px or calibration": ways > 1,
+        'start cannot be "from motion" without pictures: give at_s and std_s': vectors
         and table.get("start") == "from motion",
-        "scale of vectors: give scale_mm_per_px and std_percent": vectors
-        and (finger or "calibration" in scale),
         "light_from_deg is of pictures: leave it out": vectors and "light_from_deg" in table,
         "piv.pairing and every are of pictures; vectors need piv.interval_s alone": vectors
         and given & {"piv.pairing", "piv.every"},
         'piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it': pictures
         and (pairing == "1-2,2-3" and "interval_s" in piv),
-        'tables [vectors] and [camera] belong to kind = "vectors"': pictures
-        and given & {"vectors", "camera"},
-        "scale cannot come from a finger whose root is hidden (root_hidden_mm)": pictures
-        and (finger and table.get("root_hidden_mm")),
+        'table [vectors] belongs to kind = "vectors"': pictures and "vectors" in given,
+        'axes.y of vectors: their series counts y upwards, state y = "up"': vectors
+        and axes.get("y") == "down",
     }
     missing = [key for key, needs in needed.items() if needs and key not in given]
     return missing, [text for text, holds in faults.items() if holds]

@@ -20,13 +20,7 @@ class LabFiles:
         self.stage, self.folder = stage, stage.out / "lab" / name
         self.registration = self.folder / "registration.json"
         self.refused = self.folder / "registration_refused.png"  # where the outline does not fit
-        self.view = self.folder / "view.txt"  # the part of the tank that the camera sees
-        self.sheet = self.folder / "sheet.h5"  # the simulation's over that view
         self.comparison = self.folder / "comparison.json"
-
-    def run_sheet(self, name: str) -> Path:
-        """The sheet of a run beside the nominal one."""
-        return self.folder / "inputs" / f"{name}.h5"
 
     def side(self, name: str) -> Path:
         """Plane series of one side: data, virtual or direct."""
@@ -63,7 +57,8 @@ class Registration:
 
     `covariance`: of (x px, y px, angle, ln magnification). `growth` (px): of the outline, as it is
     seen. `pressures` and `pressures_std`
-    (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by itself.
+    (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by itself. `view`:
+    x0, x1, y0, y1 (m) of the tank around what is seen.
     """
 
     pose: Pose
@@ -73,7 +68,8 @@ class Registration:
     times: np.ndarray
     pressures: np.ndarray
     pressures_std: np.ndarray
-    stated: Pose | None
+    stated: Pose
+    view: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 def write_registration(registration: Registration, path: Path, **more: Any) -> None:
@@ -95,7 +91,8 @@ def read_registration(path: Path) -> Registration:
         np.array(whole["times"]),
         np.array(whole["pressures"]),
         np.array(whole["pressures_std"]),
-        _pose(whole["stated"]) if whole["stated"] else None,
+        _pose(whole["stated"]),
+        tuple(whole["view"]),
     )
 
 

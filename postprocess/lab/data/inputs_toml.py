@@ -37,9 +37,9 @@ class Input(Table):
     reason: str
 
     @property
-    def std(self) -> float:
-        """Standard uncertainty of a uniform distribution."""
-        return self.limit / 3**0.5
+    def per_change(self) -> float:
+        """Standard uncertainty over the run's change: of a uniform distribution."""
+        return self.limit / 3**0.5 / abs(self.step)
 
 
 class Numerics(Table):
@@ -51,10 +51,10 @@ class Numerics(Table):
     safety: Positive
 
     @property
-    def per_difference(self) -> float:
-        """Standard uncertainty of the finer run over the difference of the two runs.
+    def per_change(self) -> float:
+        """Standard uncertainty over the run's change.
 
-        Half the index of the finer run, a 95 % band (Roache 1994, eq. 5).
+        Half the convergence index of the finer run, a 95 % band (Roache 1994, eq. 5).
         """
         return 0.5 * self.safety / (self.ratio**self.order - 1)
 
@@ -96,17 +96,6 @@ def input_rows(numbers: dict[str, Any], inputs: Inputs) -> list[Row]:
     """Rows of the runs beside the nominal one, whose scene has `numbers`; ValueError."""
     rows = [(one.name, _stepped(numbers, one.key, one.step)) for one in inputs.input]
     return rows + [(finer.name, _refined(numbers, finer)) for finer in inputs.numerics]
-
-
-def virtual_row(numbers: dict[str, Any], pressure_kpa: float) -> Row:
-    """Row of a virtual laboratory, whose last stroke goes to another pressure; ValueError."""
-    strokes = numbers["motion"]["strokes"]
-    if not strokes:
-        raise StageError(
-            "scene.toml: motion.strokes is empty; a virtual laboratory changes the last stroke"
-        )
-    changed = [*strokes[:-1], strokes[-1] | {"pressure_kpa": pressure_kpa}]
-    return f"{pressure_kpa:g}kpa", {"motion.strokes": changed}
 
 
 def _stepped(numbers: dict[str, Any], key: str, step: float) -> dict[str, Any]:

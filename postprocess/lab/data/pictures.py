@@ -70,25 +70,16 @@ class LabRecording(Recording):
         self._source.close()
 
 
-def stated_pose(
-    dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]
-) -> tuple[Pose | None, float | None]:
-    """The stated pose and the relative standard uncertainty of its scale.
-
-    None where the finger gives them.
-    """
-    if dpiv.scale.from_finger:
-        return None, None
+def stated_pose(dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]) -> Pose:
+    """The stated pose of pictures."""
     assert dpiv.axes.root_px is not None
-    assert dpiv.scale.std_percent is not None
     scale = (recording.calibration or dpiv.scale).scale_mm_per_px
     assert scale is not None
     rows, columns = recording.shape
     x, y = dpiv.axes.root_px
     x = columns - 1 - x if dpiv.axes.x == "left" else x
     y = rows - 1 - y if dpiv.axes.y == "down" else y
-    turn = float(np.radians(dpiv.axes.turn_deg))
-    return Pose(scale, turn, root, (x, y)), dpiv.scale.std_percent / 100
+    return Pose(scale, float(np.radians(dpiv.axes.turn_deg)), root, (x, y))
 
 
 class MaskedRecording(Recording):

@@ -9,9 +9,11 @@ import shapely
 import xarray as xr
 
 from fileio.errors import StageError
-from fileio.formats.plane_series import make_plane, usable
+from fileio.formats.plane_series import make_plane
 from piv.synthetic.plane_spline import PlaneField
 from piv.synthetic.virtual_camera import finger_at
+
+STEP = 0.01  # m
 
 
 @dataclass(frozen=True)
@@ -64,12 +66,17 @@ class Pose:
     def view(
         self, first: tuple[float, float], last: tuple[float, float], margin: float
     ) -> tuple[float, float, float, float]:
-        """x0, x1, y0, y1 (m, tank) around two corners of the picture (px) and a margin (m)."""
+        """x0, x1, y0, y1 (m, tank) around two corners of the picture (px) and a margin (m).
+
+        In steps of `STEP`, so that recordings of one set-up share it.
+        """
         (left, bottom), (right, top) = first, last
         around = [[left, bottom], [right, bottom], [right, top], [left, top]]
         corners = self.to_tank(np.array(around, float))
-        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-        return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+        low = STEP * np.floor((corners.min(axis=0) - margin) / STEP)
+        high = STEP * np.ceil((corners.max(axis=0) + margin) / STEP)
+        x0, y0, x1, y1 = (round(float(v), 3) for v in (*low, *high))
+        return x0, x1, y0, y1
 
 
 def camera_series(
@@ -99,8 +106,6 @@ def camera_series(
         valid = inside.copy()
         for outline in finger.get("outline", ()):
             valid &= ~shapely.contains_xy(shapely.Polygon(outline), gx, gy)
-        if "outline" not in finger:
-            valid &= _near_known(series, float(time), field, at)
         c, s = np.cos(pose.angle), np.sin(pose.angle)
         turned = {"u": c * u - s * v, "v": s * u + c * v}
         turned = {name: np.where(valid, values, np.nan) for name, values in turned.items()}
@@ -126,11 +131,3 @@ def in_camera(name: str, values: np.ndarray, pose: Pose) -> np.ndarray:
     if name in ("outline", "tip"):
         return pose.to_camera(values)
     return values if name == "bend" else values @ pose.rotation.T
-
-
-def _near_known(series: xr.Dataset, time: float, field: PlaneField, at: np.ndarray) -> np.ndarray:
-    """Which points lie nearest to a usable vector of the nearest instant."""
-    known = usable(series.isel(time=int(np.argmin(np.abs(field.time - time))))).values
-    i = np.clip(np.rint((at[..., 0] - field.x[0]) / field.dx).astype(int), 0, field.x.size - 1)
-    j = np.clip(np.rint((at[..., 1] - field.y[0]) / field.dy).astype(int), 0, field.y.size - 1)
-    return known[j, i]

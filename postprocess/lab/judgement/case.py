@@ -11,31 +11,44 @@ import xarray as xr
 from fileio.formats.kinematics import Kinematics
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Registration
+from postprocess.lab.data.inputs_toml import Input, Numerics
+
+COLUMNS = ("circulation", "x", "y")
 
 
 @dataclass(frozen=True)
 class Effect:
     """What one run beside the nominal one changes.
 
-    `table`: change of the measures at each instant; `bend` (rad) and `duration` (s): of the motion.
-    `per_std`: the part of it that is one standard uncertainty. `share` of the change by which the
-    recording's motion differs, its `share_std` by the registration, and `unlike`: distance of that
-    motion from the run's, relative to the nominal one; None where this is not known.
+    `bend` (rad) and `duration` (s): of the motion. `table`: change of `COLUMNS` at each instant;
+    None where the flow is not compared. `share` of the change by which the recording's motion
+    differs, its `share_std` by the registration, and `unlike`: distance of that motion from the
+    run's, relative to the nominal one; None where this is not known.
     """
 
-    name: str
-    kind: str
-    how: str
-    per_std: float
-    table: pd.DataFrame
+    of: Input | Numerics
     bend: float
     duration: float
+    table: pd.DataFrame | None = None
     share: float | None = None
     share_std: float = 0.0
     unlike: float = 0.0
 
+    @property
+    def kind(self) -> str:
+        """The kind of source, as `validation.KINDS` has it."""
+        return "input" if isinstance(self.of, Input) else "numerical"
+
+    @property
+    def how(self) -> str:
+        """How its uncertainty was found."""
+        if isinstance(self.of, Input):
+            return f"run with {self.of.key} {self.of.step:+g}"
+        return f"grid-convergence index of the run finer by {self.of.ratio:g}"
+
     def moves(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
         """Mean change of `columns` over the instants `rows`, (component,)."""
+        assert self.table is not None
         return self.table.loc[rows, list(columns)].mean().to_numpy(float)
 
     def std(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
@@ -44,25 +57,31 @@ class Effect:
         Of finer numerics by the change's RMS: where its sign changes, its mean is no small error.
         """
         if self.kind == "input":
-            return self.per_std * np.abs(self.moves(columns, rows))
+            return self.of.per_change * np.abs(self.moves(columns, rows))
+        assert self.table is not None
         change = self.table.loc[rows, list(columns)].to_numpy(float)
-        return self.per_std * np.sqrt(np.mean(change**2, axis=0))
+        return self.of.per_change * np.sqrt(np.mean(change**2, axis=0))
 
 
 @dataclass(frozen=True)
-class Case:
-    """Series of the sides, motions and the effects of the runs; `virtual`: simulation by PIV."""
+class Sides:
+    """Plane series in the camera frame with the same axes and times; `virtual` may be None."""
 
-    kinematics: Kinematics
-    registration: Registration
     data: xr.Dataset
     virtual: xr.Dataset | None
     direct: xr.Dataset
     vortices: VortexSettings
     window_m: float  # interrogation window
-    geometry: bool  # whether the FEA's bands count
-    bend_std: float  # rad, of the FEA at the end of the stroke
-    fresh_pairs: bool  # whether every pair of the virtual experiment has particles of its own
+
+
+@dataclass(frozen=True)
+class Case:
+    """Motions of both sides, their flows (None: not compared), and the effects of the runs."""
+
+    kinematics: Kinematics
+    registration: Registration
+    bend_std: float  # rad, of the FEA at the end of the stroke; 0: its bands do not count
+    flow: Sides | None = None
     effects: list[Effect] = field(default_factory=list)
 
     @property

@@ -6,18 +6,19 @@ virtual experiment shows that share, and the comparison begins where it costs le
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics
-from fileio.formats.plane_series import usable
-from postprocess.lab.data.inputs_toml import Input, Numerics
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.case import Case, Effect
-from postprocess.lab.judgement.measures import COLUMNS, measure, scatter
-from postprocess.lab.judgement.motion import motion_of_run
+from fileio.formats.plane_series import read_plane, usable
+from piv.vortices.table import tabulate_vortices
+from postprocess.evidence import tip_vortex as tracks
+from postprocess.lab.data.pose import Pose, camera_series
+from postprocess.lab.judgement.case import COLUMNS, Case, Effect, Sides
 from postprocess.lab.judgement.validation import POSTERIOR, Source, ValidatedQuantity
 
 VORTEX = {  # quantity: columns, unit, label
@@ -30,41 +31,76 @@ FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on
 UNLIKE = 1 / 3
 
 
-def tables(case: Case) -> dict[str, pd.DataFrame]:
+def measure(
+    sides: Sides, pose: Pose, plane: xr.Dataset, name: str, seen: np.ndarray | bool = True
+) -> pd.DataFrame:
+    """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
+
+    With their random standard uncertainties, over time; NaN where there is no vortex.
+    Vectors that are not `seen` do not count. ValueError where no vortex is near the finger's tip.
+    """
+    counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
+    table = tabulate_vortices(counted, sides.vortices)
+    table, times = table[table["bridged"] == 0], plane["time"].values
+    track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
+    wanted = [*COLUMNS, "radius", *(f"{column}_random_std" for column in COLUMNS)]
+    out = track[wanted].astype(float).reindex(pd.Index(times, name="time"))
+    places = pose.from_camera(out[["x", "y"]].to_numpy())
+    return out.assign(x=places[:, 0], y=places[:, 1]).reset_index()
+
+
+def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
-    sides = {"data": case.data, "virtual": case.virtual, "direct": case.direct}
-    there = {name: plane for name, plane in sides.items() if plane is not None}
+    named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
+    there = {name: plane for name, plane in named.items() if plane is not None}
     # without pictures the vectors of all sides, since programs mask the body differently
     seen = case.registration.times.size > 0 or np.logical_and.reduce(
         [usable(plane).values for plane in there.values()]
     )
-    return {name: measure(case, plane, name, seen) for name, plane in there.items()}
+    pose = case.registration.pose
+    return {name: measure(sides, pose, plane, name, seen) for name, plane in there.items()}
 
 
-def effect_of(
-    one: Input | Numerics, plane: xr.Dataset, nominal: pd.DataFrame, run: Kinematics, case: Case
+def flow_effects(
+    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
+) -> list[Effect]:
+    """The effects with what each run changes of the flow, seen through this recording's pose.
+
+    `nominal`: sheet of the run itself; `sheets`: those of the others, by name.
+    """
+    pose, times = case.registration.pose, sides.direct["time"].values
+    measured: dict[bytes, pd.DataFrame] = {}
+
+    def seen(sheet: xr.Dataset, at: np.ndarray, name: str) -> pd.DataFrame:
+        x, y = (sides.direct[axis].values for axis in ("x", "y"))
+        return measure(sides, pose, camera_series(sheet, pose, x, y, at), name)
+
+    effects = []
+    for effect in case.effects:
+        with read_plane(sheets[effect.of.name]) as opened:
+            sheet = opened.load()
+        at = sheet["time"].values  # of a run with another end or rate other instants
+        at = at[(at >= nominal["time"].values[0]) & (at <= nominal["time"].values[-1])]
+        if (key := at.tobytes()) not in measured:
+            measured[key] = seen(nominal, at, "direct")
+        effects.append(with_table(effect, seen(sheet, at, effect.of.name), measured[key], times))
+    return effects
+
+
+def with_table(
+    effect: Effect, run: pd.DataFrame, nominal: pd.DataFrame, times: np.ndarray
 ) -> Effect:
-    """The effect of a run with `plane`; `nominal`: the nominal run's `measure` at its instants."""
-    change = measure(case, plane, one.name)[list(COLUMNS)] - nominal[list(COLUMNS)]
-    known, times = change["circulation"].notna(), case.direct["time"].values
+    """The effect with the change from `nominal` to `run`, measured at the same instants."""
+    change = run[list(COLUMNS)] - nominal[list(COLUMNS)]
+    known = change["circulation"].notna()
     at = nominal["time"][known]
-    table = pd.DataFrame(
-        {
-            name: np.interp(times, at, values[known], np.nan, np.nan)
-            for name, values in change.items()
-        }
-    )
-    if isinstance(one, Input):
-        kind, per_std, how = "input", one.std / abs(one.step), f"run with {one.key} {one.step:+g}"
-    else:
-        kind, per_std = "numerical", one.per_difference
-        how = f"grid-convergence index of the run finer by {one.ratio:g}"
-    return Effect(one.name, kind, how, float(per_std), table, *motion_of_run(case.kinematics, run))
+    table = {n: np.interp(times, at, v[known], np.nan, np.nan) for n, v in change.items()}
+    return replace(effect, table=pd.DataFrame(table))
 
 
 def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
     """Instants (n,) at which every side and run has its vortex; ValueError for fewer than three."""
-    every = [*measured.values(), *(e.table for e in case.effects)]
+    every = [*measured.values(), *(e.table for e in case.effects if e.table is not None)]
     at = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
     if at.size < FEWEST:
         raise StageError(
@@ -80,6 +116,7 @@ def compared_instants(
     at: np.ndarray,
     columns: tuple[str, ...],
     random: np.ndarray,
+    window_s: float,
 ) -> np.ndarray:
     """The instants of `at` that tell most of a quantity: those of least predicted uncertainty.
 
@@ -90,12 +127,12 @@ def compared_instants(
     if "virtual" not in measured:
         return at[at.size // 2 if at.size >= 2 * FEWEST else 0 :]
     least = max(FEWEST, int(LEAST * at.size))
-    times, names = case.direct["time"].values, list(columns)
+    times, names = measured["data"]["time"].to_numpy(), list(columns)
     changed = (measured["virtual"] - measured["direct"])[names].to_numpy(float)
 
     def predicted(rows: np.ndarray) -> float:
-        alike = independent_instants(times[rows], _swirl(measured["data"], rows), case.window_m)
-        parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), random / np.sqrt(alike)]
+        noise = random / np.sqrt(independent_instants(times[rows], window_s))
+        parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), noise]
         return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
 
     starts = range(at.size - least + 1)
@@ -103,60 +140,61 @@ def compared_instants(
     return min((at[k:] if lasts else at[k : k + least] for k in starts), key=predicted)
 
 
-def independent_instants(times: np.ndarray, speed: float, window_m: float) -> float:
+def independent_instants(times: np.ndarray, window_s: float) -> float:
     """How many of the instants (s) count as independent in a mean.
 
-    Errors at two instants correlate by the share of a window (m) that particles at `speed` (m/s)
-    have not yet crossed.
+    Errors at two instants correlate by the share of a window that particles, which cross it in
+    `window_s`, have not yet crossed.
     """
     apart = np.abs(times[:, None] - times[None, :])
-    return float(times.size**2 / np.sum(np.clip(1 - speed * apart / window_m, 0.0, 1.0)))
+    return float(times.size**2 / np.sum(np.clip(1 - apart / window_s, 0.0, 1.0)))
 
 
-def _swirl(data: pd.DataFrame, rows: np.ndarray) -> float:
-    """Mean speed (m/s) around the tip vortex at its radius."""
-    return float((data["circulation"].abs() / (2 * np.pi * data["radius"]))[rows].mean())
-
-
-def flow_quantities(case: Case, measured: dict[str, pd.DataFrame]) -> list[ValidatedQuantity]:
+def flow_quantities(
+    case: Case, sides: Sides, measured: dict[str, pd.DataFrame]
+) -> list[ValidatedQuantity]:
     """Circulation and centre with all their sources, as means over the instants that tell most."""
     simulated = "virtual" if "virtual" in measured else "direct"
     registration, at, out = case.registration, known_instants(case, measured), []
-    sides = {"data": case.data} | ({} if case.virtual is None else {"virtual": case.virtual})
-    own = {name: scatter(plane, measured[name], at) for name, plane in sides.items()}
+    data = measured["data"].loc[at]
+    window_s = sides.window_m / float(
+        (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
+    )
     for name, (columns, unit, label) in VORTEX.items():
-        spread = {side: np.array([std[c] for c in columns]) for side, std in own.items()}
+        # what grid and masks hide is alike on both sides, which are seen through the same windows
+        random = [f"{column}_random_std" for column in columns]
+        spread = {
+            side: np.sqrt(
+                np.mean(np.square(measured[side].loc[at, random].to_numpy(float)), axis=0)
+            )
+            for side in measured.keys() - {"direct"}
+        }
         variance = np.sum([std**2 for std in spread.values()], axis=0)
-        rows = compared_instants(case, measured, at, columns, np.sqrt(variance))
-        times = case.direct["time"].values[rows]
-        alike = independent_instants(times, _swirl(measured["data"], rows), case.window_m)
+        rows = compared_instants(case, measured, at, columns, np.sqrt(variance), window_s)
+        times = sides.direct["time"].values[rows]
+        alike = independent_instants(times, window_s)
         ours, direct, theirs = (
             measured[side].loc[rows, list(columns)].to_numpy(float)
             for side in (simulated, "direct", "data")
         )
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
-        delay = np.abs(rate) * registration.law.std("delay")
         if name == "circulation":  # goes with the square of the scale
-            seat = "scale", 2 * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+            seat = 2 * np.abs(value) * np.sqrt(registration.covariance[3, 3])
         else:
             turn = place_jacobian(registration.pose, value)
-            seat = "pose", np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
-        found = [
-            ("scatter", excess / np.sqrt(alike), "scatter of E beyond the vectors' uncertainty"),
-            ("time", delay, "fit of the finger's motion"),
-            (*seat, POSTERIOR),
+            seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
+        how = f"{alike:.1f} of {times.size} instants count as independent"
+        sources = [
+            Source("vectors", "data", np.sqrt(variance / alike), how),
+            Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
+            Source("pose", "data", seat, POSTERIOR),
+            Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
         ]
-        for side, std in spread.items():
-            count = times.size if side == "virtual" and case.fresh_pairs else alike
-            how = f"{count:.1f} of {times.size} instants count as independent"
-            found.append(
-                ("vectors" if side == "data" else "virtual vectors", std / count**0.5, how)
-            )
         if simulated == "virtual":
             how = "a third of what PIV changes of the simulation: the other flow may be unlike"
-            found.append(("PIV", UNLIKE * np.abs((ours - direct).mean(axis=0)), how))
-        sources = [Source(what, "data", std, how) for what, std, how in found]
+            changed = UNLIKE * np.abs((ours - direct).mean(axis=0))
+            sources.append(Source("PIV", "data", changed, how))
         added = sum((e.moves(columns, rows) for e in case.finer), np.zeros(len(columns)))
         quantity = ValidatedQuantity(
             name,
@@ -171,10 +209,9 @@ def flow_quantities(case: Case, measured: dict[str, pd.DataFrame]) -> list[Valid
             (float(times[0]), float(times[-1])),
         )
         known = np.hypot(quantity.u_kind("numerical"), quantity.u_kind("input"))
-        quantity.instant["data"] = np.hypot(
-            np.hypot(spread["data"], excess), quantity.u_kind("data")
-        )
-        quantity.instant["simulation"] = np.hypot(spread.get("virtual", 0.0), known)
+        ours_std = np.hypot(spread.get("virtual", 0.0), known)
+        theirs_std = np.hypot(np.hypot(spread["data"], excess), quantity.u_kind("data"))
+        quantity.instant.update(data=theirs_std, simulation=ours_std)
         out.append(quantity)
     return out
 
@@ -215,13 +252,13 @@ def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[
     for e in case.effects:
         moves = np.abs(e.moves(columns, rows))
         if e.share is None:
-            sources.append(Source(e.name, e.kind, e.std(columns, rows), e.how))
+            sources.append(Source(e.of.name, e.kind, e.std(columns, rows), e.how))
         else:
             std, how = moves * e.share_std, POSTERIOR
-            sources.append(Source(f"{e.name} as recorded", "data", std, how))
+            sources.append(Source(f"{e.of.name} as recorded", "data", std, how))
             std, how = moves * abs(e.share) * e.unlike, "effect of the motion taken for linear"
-            sources.append(Source(f"{e.name}, linear", "input", std, how))
-        if e.name == "pressure" and case.geometry and not case.of_motion:
+            sources.append(Source(f"{e.of.name}, linear", "input", std, how))
+        if e.of.name == "pressure" and case.bend_std and not case.of_motion:
             std, how = moves * case.bend_std / abs(e.bend), "FEA's band, by the pressure's run"
             sources.append(Source("geometry and material", "input", std, how))
     return sources

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from fileio.formats.kinematics import Kinematics
-from postprocess.lab.data.files import Registration
-from postprocess.lab.judgement.case import Case
+from postprocess.lab.data.inputs_toml import Input, Numerics
+from postprocess.lab.judgement.case import Case, Effect
 from postprocess.lab.judgement.validation import POSTERIOR, Source, ValidatedQuantity
-from postprocess.lab.registration.register import fit_law
+from postprocess.lab.registration.register import law_pressure
 
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 
@@ -23,36 +24,24 @@ def _motion_values(case: Case) -> tuple[tuple[float, float], tuple[float, float]
     return bend, (length, length * float(stretch))
 
 
-def motion_sentence(registration: Registration) -> str:
-    """The motion in the pictures relative to the simulation's, without the inputs' uncertainty."""
-    law = registration.law
-    clock = f"± {1960 * law.std('delay'):.1f} ms"
-    if registration.times.size == 0:
-        return f"vectors do not show the finger; the clock is stated to {clock}"
-    parts = []
-    for name, value, verb, unit in (
-        ("factor", law.values[0], "bends as at", "the pressure"),
-        ("stretch", law.values[2], "takes", "the time"),
-    ):
-        band = 1.96 * law.std(name)
-        same = "as simulated" if abs(value - 1) < band else "otherwise than simulated"
-        parts.append(f"{verb} {value:.3f} ± {band:.3f} times {unit} ({same})")
-    ahead = f"its clock is {law.delay * 1e3:.1f} {clock} ahead (95 %)"
-    return f"the finger {' and '.join(parts)}; {ahead}"
-
-
 def final_bend(kinematics: Kinematics, factor: float) -> float:
     """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
     start, end = (float(kinematics.law(t)) for t in kinematics.time)
     return float(kinematics.shape("bend", start + factor * (end - start)))
 
 
-def motion_of_run(nominal: Kinematics, run: Kinematics) -> tuple[float, float]:
-    """Differences of a run's motion from the nominal one: final bend (rad), duration (s)."""
+def effect_of(of: Input | Numerics, nominal: Kinematics, run: Kinematics) -> Effect:
+    """What a run changes of the motion: factor and stretch of its law against the nominal one."""
     times = np.linspace(*nominal.time, 201)
-    values = fit_law(nominal, times, run.law(times), np.array([1.0, 0.0, 1.0]))
-    bend = final_bend(nominal, float(values[0])) - final_bend(nominal, 1.0)
-    return bend, stroke_duration(nominal) * (float(values[2]) - 1)
+    wanted, scale = run.law(times), nominal.high - nominal.low
+    fit = least_squares(
+        lambda values: (law_pressure(nominal, times, values) - wanted) / scale,
+        (1.0, 0.0, 1.0),
+        x_scale=(0.01, 0.001, 0.01),
+    )
+    factor, _, stretch = (float(value) for value in fit.x)
+    bend = final_bend(nominal, factor) - final_bend(nominal, 1.0)
+    return Effect(of, bend, stroke_duration(nominal) * (stretch - 1))
 
 
 def stroke_duration(kinematics: Kinematics) -> float:
@@ -69,7 +58,7 @@ def at_recorded_motion(case: Case) -> Case:
 
     As it is where the motion was not seen, or those runs were not made.
     """
-    named = {e.name: e for e in case.effects}
+    named = {e.of.name: e for e in case.effects}
     if case.registration.times.size == 0 or not {"pressure", "duration"} <= set(named):
         return case
     values, stds = _motion_values(case), _motion_stds(case)
@@ -93,22 +82,22 @@ def motion_quantities(case: Case) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke, simulated and recorded."""
     if case.registration.times.size == 0:
         return []
-    names = (
-        ("final_bend", "bend angle at the end", "rad"),
-        ("duration", "duration of the stroke", "s"),
-    )
     inputs = [e for e in case.effects if e.kind == "input"]
-    changes = ([e.bend for e in inputs], [e.duration for e in inputs])
+    names = (
+        ("final_bend", "bend angle at the end", "rad", [e.bend for e in inputs]),
+        ("duration", "duration of the stroke", "s", [e.duration for e in inputs]),
+    )
     out = []
-    for name, values, std, change in zip(
-        names, _motion_values(case), _motion_stds(case), changes, strict=True
+    for (name, label, unit, moved), values, std in zip(
+        names, _motion_values(case), _motion_stds(case), strict=True
     ):
         sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
-        for e, moved in zip(inputs, change, strict=True):
-            sources.append(Source(e.name, "input", np.array([abs(moved) * e.per_std]), e.how))
-        if case.geometry and name[0] == "final_bend":
+        for e, change in zip(inputs, moved, strict=True):
+            part = np.array([abs(change) * e.of.per_change])
+            sources.append(Source(e.of.name, "input", part, e.how))
+        if case.bend_std and name == "final_bend":
             band = np.array([case.bend_std])
             sources.append(Source("geometry and material", "input", band, "FEA's band"))
         s, d = (np.array([v]) for v in values)
-        out.append(ValidatedQuantity(*name, s, d, abs(values[1]), sources))
+        out.append(ValidatedQuantity(name, label, unit, s, d, abs(values[1]), sources))
     return out

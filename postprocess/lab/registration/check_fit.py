@@ -14,7 +14,6 @@ import numpy as np
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.data.files import Registration
-from postprocess.lab.registration.blind import blind_parts
 from postprocess.lab.registration.check_motion import check_motion
 from postprocess.lab.registration.fit_outline import shapes_of
 from postprocess.lab.registration.outline_profile import (
@@ -25,6 +24,7 @@ from postprocess.lab.registration.outline_profile import (
     NEAR,
     SIDES,
     OutlineProfile,
+    blind_parts,
     independent_share,
     outline_profile,
 )
@@ -108,25 +108,24 @@ def check_priors(registration: Registration, known: Known) -> list[str]:
             f" and a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or"
             " a finger of another thickness"
         )
-    if stated is not None:
-        turn = float(np.degrees(pose.angle - stated.angle))
-        if abs(turn) > np.degrees(FAR_OFF * np.hypot(known.turn_std or TURN_STD, std[2])):
-            out.append(
-                f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
-                " give axes.turn_std_deg if it is not known as well"
-            )
-        off = (np.asarray(pose.at_px) - stated.at_px) * pose.pixel
-        if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.pixel * std[:2].max()):
-            place = f"({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm"
-            out.append(f"the root lies {place} from where axes.root_px states it; correct it")
-        away = float(np.log(pose.pixel / stated.pixel))
-        scale_std = np.hypot(known.scale_std or 0.0, known.length_std)
-        if known.scale_std is not None and abs(away) > FAR_OFF * scale_std:
-            out.append(
-                f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated"
-                f" one, which is known to {100 * scale_std:.2g} %; correct the scale, its"
-                " std_percent, or finger_length_std_mm"
-            )
+    turn = float(np.degrees(pose.angle - stated.angle))
+    if abs(turn) > np.degrees(FAR_OFF * np.hypot(known.turn_std or TURN_STD, std[2])):
+        out.append(
+            f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
+            " give axes.turn_std_deg if it is not known as well"
+        )
+    off = (np.asarray(pose.at_px) - stated.at_px) * pose.pixel
+    if np.hypot(*off) > FAR_OFF * np.hypot(ROOT_STD, pose.pixel * std[:2].max()):
+        place = f"({off[0] * 1e3:+.1f}, {off[1] * 1e3:+.1f}) mm"
+        out.append(f"the root lies {place} from where axes.root_px states it; correct it")
+    away = float(np.log(pose.pixel / stated.pixel))
+    scale_std = np.hypot(known.scale_std, known.length_std)
+    if abs(away) > FAR_OFF * scale_std:
+        out.append(
+            f"the scale that the finger's length shows is {100 * away:+.1f} % off the stated"
+            f" one, which is known to {100 * scale_std:.2g} %; correct the scale, its"
+            " std_percent, or finger_length_std_mm"
+        )
     return out
 
 

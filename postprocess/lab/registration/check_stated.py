@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postprocess.lab.registration.fit_outline import DELAY, Frames, Shapes
+from postprocess.lab.registration.fit_outline import DELAY, LAW, Frames, Shapes
 
 RATES, SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0), (0.5, 2.0)
 CLEARLY = 1.3  # times the evidence of what is stated, from which an alternative is the truth
@@ -24,17 +24,16 @@ def best_delay(
     """The delay (s) at which a motion fits the frames best, and its evidence; `state` (8,)."""
     states = np.tile(state, (delays.size, 1))
     states[:, DELAY] = delays
-    scores = shapes.scores(frames, states, 0.0).sum(axis=1)
+    places = shapes.places(frames.times, states[:, LAW])
+    scores = shapes.scores(frames, states, places).sum(axis=1)
     best = int(np.argmax(scores))
     return float(delays[best]), float(scores[best])
 
 
-def stated_wrongly(
-    frames: Frames, shapes: Shapes, state: np.ndarray, *, scale_known: bool
-) -> tuple[str, float]:
-    """A sentence on the alternative that explains the frames clearly better, and its evidence.
+def stated_wrongly(frames: Frames, shapes: Shapes, state: np.ndarray) -> tuple[float, str]:
+    """Evidence of the best alternative to what is stated, and a sentence on it.
 
-    An empty sentence where there is none.
+    An empty sentence where what is stated explains the frames about as well.
     """
     span, lasts = float(np.ptp(frames.times)), float(np.ptp(shapes.kinematics.time))
 
@@ -48,12 +47,12 @@ def stated_wrongly(
         "the finger bends to the other side than the simulation's; the pictures are mirrored:"
         ' correct axes.x in dpiv.toml ("left" where it is "right")': score(of=shapes.mirrored())
     }
-    for factor in SCALES if scale_known else ():
+    for factor in SCALES:
         text = f"the finger is as long as if the scale were {factor:g} times the stated one"
         others[f"{text}; correct [scale] in dpiv.toml"] = score(scale=factor)
     for factor in RATES:
         text = f"the finger moves as if the pictures were taken {factor:g} times as fast as stated"
         text += "; correct frame_rate_hz in dpiv.toml (of pictures in pairs: the pairs per second),"
         others[f"{text} or motion.strokes of the scene"] = score(stretch=factor)
-    best = max(others, key=lambda name: others[name])
-    return (best, others[best]) if others[best] > CLEARLY * max(score(), 0.0) else ("", 0.0)
+    shown, best = max((evidence, text) for text, evidence in others.items())
+    return (shown, best) if shown > CLEARLY * max(score(), 0.0) else (-np.inf, "")

@@ -5,6 +5,7 @@ chains begins far apart and is cooled into it; chains that fare worse are replac
 better ones (Hukushima and Iba 2003). Steps are differences of other chains (ter Braak 2006). The
 mean of the samples is the estimate: an edge lies half-way between the particles that bound it.
 Fitting the law to all silhouettes, not to one bend per frame, uses every particle near an edge.
+A frame's own deviation from the law is integrated out.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import cached_property
 
 import numba
 import numpy as np
+from scipy.special import logsumexp
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, counter_clockwise
@@ -35,10 +37,10 @@ LAW_POINTS = 2001  # of the law's own table
 COLD = 2e-3  # share of the evidence at the beginning
 HALF, EFFECTIVE = 14, 0.5  # chains in each half, and the share of them that a step of heat leaves
 LEAST, OUTSIDE = 0.05, -1e9  # stretch, and evidence beyond the table
+JITTER = 1e-3  # of the chains' spread at the start, in each step
+NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(3)  # of a frame's deviation from the law
 # range of a single frame's bend, in standard deviations, and its step, in the table's
 FAR_OFF, FINE_STEP = 4.0, 0.1
-# rest of the law: spread of factor, delay (s) and stretch at the start
-LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
 
 
 @dataclass(frozen=True)
@@ -121,20 +123,24 @@ class Shapes:
         at = np.interp((times - delay) / np.maximum(stretch, LEAST), clock, history)
         return history[0] + factor * (at - history[0])
 
-    def scores(self, frames: Frames, states: np.ndarray, off: np.ndarray | float) -> np.ndarray:
-        """Evidence (chain, frame) of states (chain, 8), with places `off` the law's.
+    def scores(self, frames: Frames, states: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Evidence (chain, frame) of states (chain, 8) at `places` (chain, frame).
 
         `OUTSIDE` where a place is beyond the table.
         """
-        at = self.places(frames.times, states[:, LAW]) + off
-        seen = self.scores_at(frames, states, np.clip(at, 0, TABLE - 1))
-        return np.where((at >= 0) & (at <= TABLE - 1), seen, OUTSIDE)
+        of = frames.integrals, frames.mean, self.outlines, self.normals
+        seats = np.ascontiguousarray(states[:, :5])
+        inside = np.clip(places, 0, TABLE - 1)
+        seen = _scores(*of, np.asarray(self.kinematics.root), seats, inside)
+        return np.where(inside == places, seen, OUTSIDE)
 
-    def scores_at(self, frames: Frames, states: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Evidence (chain, frame) of states (chain, 8) at `places` (chain, frame)."""
-        root = np.asarray(self.kinematics.root)
-        evidence = frames.integrals, frames.mean, self.outlines, self.normals, root
-        return np.asarray(_scores(*evidence, np.ascontiguousarray(states[:, :5]), places))
+    def evidence(self, frames: Frames, states: np.ndarray, apart: np.ndarray) -> np.ndarray:
+        """Evidence (chain,) of states (chain, 8); `apart`: see `fit_outline`, in places."""
+        at = self.places(frames.times, states[:, LAW])
+        seen = [self.scores(frames, states, at + apart * node) for node in NODES]
+        share = (WEIGHTS / WEIGHTS.sum())[:, None, None]
+        each = logsumexp(frames.independent * np.array(seen), axis=0, b=share)
+        return np.asarray(each.sum(axis=1))
 
 
 def shapes_of(kinematics: Kinematics) -> Shapes:
@@ -190,102 +196,61 @@ def pose_of(state: np.ndarray, anchor: tuple[float, float]) -> Pose:
     return Pose(1e3 * float(np.exp(-ln_magnification)), angle, anchor, (x, y))
 
 
-@dataclass(frozen=True)
-class OutlineFit:
-    """Samples of the posterior: `states` (sample, 8), `pressures` (sample, frame) Pa."""
+def fit_outline(
+    frames: Frames,
+    shapes: Shapes,
+    first: np.ndarray,
+    begin: np.ndarray,
+    prior: tuple[np.ndarray, np.ndarray],
+    apart: np.ndarray,
+    sweeps: tuple[int, int],
+    seed: int,
+) -> np.ndarray:
+    """Samples (sample, 8) of the posterior of pose and law, begun at `first` within `begin` (8,).
 
-    states: np.ndarray
-    pressures: np.ndarray
-    anchor: tuple[float, float]
-
-    @property
-    def state(self) -> np.ndarray:
-        """The middle of the samples, (8,)."""
-        return np.asarray(self.states.mean(axis=0))
-
-    @property
-    def seen(self) -> tuple[Pose, np.ndarray, float]:
-        """Pose, pressures (frame,) Pa, and growth of the outline (px): mean values."""
-        return (
-            pose_of(self.state, self.anchor),
-            self.pressures.mean(axis=0),
-            float(self.state[GROWTH]),
-        )
-
-
-@dataclass
-class _Population:
-    """Two halves of chains with their states and each frame's deviation from the law's place.
-
-    Each half moves by differences of the other's. Besides joint steps the law takes steps under
-    places that stay, which only the deviations follow (interweaving, Yu and Meng 2011).
+    `prior`: mean and standard deviation (8,; inf: none). `apart` (frame,) Pa: standard deviation
+    of a frame from the law. `sweeps`: at each heat, and those that are kept. StageError where the
+    recording's finger bends further than the simulation's shapes reach.
     """
+    rng, off = np.random.default_rng(seed), apart / shapes.step
+    states = first + begin * rng.standard_normal((2 * HALF, SIZE))
+    states[0] = first
+    jitter, seen = JITTER * states.std(axis=0), shapes.evidence(frames, states, off)
 
-    frames: Frames
-    shapes: Shapes
-    prior: tuple[np.ndarray, np.ndarray]  # mean and standard deviation (8,)
-    apart: np.ndarray  # standard deviation (frame,) of a place from the law's
-    states: np.ndarray
-    off: np.ndarray
-    rng: np.random.Generator
-
-    def __post_init__(self) -> None:
-        self.scores = self.shapes.scores(self.frames, self.states, self.off)
-        self.jitter = 1e-3 * self.states.std(axis=0)
-
-    def sweep(self, heat: float) -> None:
-        """One step of each kind of every chain; `heat`: share of the evidence that counts."""
-        share = heat * self.frames.independent
+    def sweep(heat: float) -> None:
         for mine, other in ((slice(HALF), slice(HALF, None)), (slice(HALF, None), slice(HALF))):
-            states, off, scores = self.states[mine], self.off[mine], self.scores[mine]
-            tried = states + self._differences(self.states[other], SIZE)
-            new = self.shapes.scores(self.frames, tried, off)
-            gain = share * (new - scores).sum(axis=1) + self._prior(tried) - self._prior(states)
-            _take(self._likely(gain), (states, tried), (scores, new))
-            tried = states.copy()
-            tried[:, LAW] += self._differences(self.states[other], 3)[:, LAW]
-            at = self.shapes.places(self.frames.times, states[:, LAW]) + off
-            new_off = at - self.shapes.places(self.frames.times, tried[:, LAW])
-            gain = self._loose(new_off).sum(axis=1) - self._loose(off).sum(axis=1)
-            gain += self._prior(tried) - self._prior(states)
-            _take(self._likely(gain), (states, tried), (off, new_off))
-            new_off = off + self._differences(self.off[other], 1, 0.02 * self.apart)
-            new = self.shapes.scores(self.frames, states, new_off)
-            gain = share * (new - scores) + self._loose(new_off) - self._loose(off)
-            _take(self._likely(gain), (off, new_off), (scores, new))
+            one = rng.integers(HALF, size=HALF)
+            two = (one + rng.integers(1, HALF, size=HALF)) % HALF
+            step = 2.38 / np.sqrt(2 * SIZE) * (states[other][one] - states[other][two])
+            tried = states[mine] + step + jitter * rng.standard_normal((HALF, SIZE))
+            new = shapes.evidence(frames, tried, off)
+            likely = [-0.5 * np.sum(((s - prior[0]) / prior[1]) ** 2, axis=1) for s in
+                      (tried, states[mine])]  # fmt: skip
+            gain = heat * (new - seen[mine]) + likely[0] - likely[1]
+            taken = np.log(rng.random(HALF)) < gain
+            states[mine][taken], seen[mine][taken] = tried[taken], new[taken]
 
-    def resample(self, shares: np.ndarray) -> None:
-        """Replace chains by copies of better ones, by their `shares`."""
-        at = (self.rng.random() + np.arange(2 * HALF)) / (2 * HALF) * shares.sum()
-        left = self.rng.permutation(
-            np.minimum(np.searchsorted(np.cumsum(shares), at), 2 * HALF - 1)
+    heat = COLD
+    while heat < 1:
+        for _ in range(sweeps[0]):
+            sweep(heat)
+        heat, shares = _next_heat(seen, heat)
+        at = (rng.random() + np.arange(2 * HALF)) / (2 * HALF)
+        left = rng.permutation(np.minimum(np.searchsorted(np.cumsum(shares), at), 2 * HALF - 1))
+        states[:], seen[:] = states[left], seen[left]
+    kept = []
+    for k in range(sweeps[1] + sweeps[1] // 2):
+        sweep(1.0)
+        if k >= sweeps[1] // 2:
+            kept.append(states.copy())
+    samples = np.concatenate(kept)
+    middle = shapes.places(frames.times, samples.mean(axis=0)[None, LAW])
+    if middle.min() < 1 or middle.max() > TABLE - 2:
+        raise StageError(
+            f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
+            " give the simulation the recording's pressure (motion.strokes in scene.toml)"
         )
-        self.states, self.off, self.scores = (a[left] for a in (self.states, self.off, self.scores))
-
-    def _differences(
-        self, others: np.ndarray, count: int, jitter: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Steps (chain, …) in `count` dimensions."""
-        one = self.rng.integers(HALF, size=HALF)
-        two = (one + self.rng.integers(1, HALF, size=HALF)) % HALF
-        noise = self.rng.standard_normal((HALF, others.shape[1]))
-        step = 2.38 / np.sqrt(2 * count) * (others[one] - others[two])
-        return np.asarray(step + noise * (self.jitter if jitter is None else jitter))
-
-    def _prior(self, states: np.ndarray) -> np.ndarray:
-        mean, std = self.prior
-        return np.asarray(-0.5 * np.sum(((states - mean) / std) ** 2, axis=1))
-
-    def _loose(self, off: np.ndarray) -> np.ndarray:
-        return np.asarray(-0.5 * (off / self.apart) ** 2)
-
-    def _likely(self, gain: np.ndarray) -> np.ndarray:
-        return np.asarray(np.log(self.rng.random(gain.shape)) < gain)
-
-
-def _take(accepted: np.ndarray, *pairs: tuple[np.ndarray, np.ndarray]) -> None:
-    for old, new in pairs:
-        old[accepted] = new[accepted]
+    return samples
 
 
 def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:
@@ -302,50 +267,6 @@ def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:
     return new, weight
 
 
-def fit_outline(
-    frames: Frames,
-    shapes: Shapes,
-    first: np.ndarray,
-    about: np.ndarray,
-    prior: tuple[np.ndarray, np.ndarray],
-    deviation: np.ndarray,
-    sweeps: tuple[int, int],
-    seed: int = 1,
-) -> OutlineFit:
-    """Fit pose, law and pressures from a first state (8,), known to `about` (8,).
-
-    `prior`: mean and standard deviation (8,; inf: none). `deviation` (frame,) Pa: of a frame from
-    the law. `sweeps`: at each heat, and those that are kept. ValueError where the recording's
-    finger bends further than the simulation's shapes reach.
-    """
-    rng = np.random.default_rng(seed)
-    states = first + about * rng.standard_normal((2 * HALF, SIZE))
-    states[0], apart = first, np.asarray(deviation, float) / shapes.step
-    off = 0.3 * np.minimum(apart, 1.0) * rng.standard_normal((2 * HALF, apart.size))
-    chains = _Population(frames, shapes, prior, apart, states, off, rng)
-    heat = COLD
-    while heat < 1:
-        for _ in range(sweeps[0]):
-            chains.sweep(heat)
-        heat, shares = _next_heat(frames.independent * chains.scores.sum(axis=1), heat)
-        chains.resample(shares)
-    kept, places = [], []
-    for k in range(sweeps[1] + sweeps[1] // 2):
-        chains.sweep(1.0)
-        if k >= sweeps[1] // 2:
-            kept.append(chains.states.copy())
-            places.append(shapes.places(frames.times, chains.states[:, LAW]) + chains.off)
-    at = np.concatenate(places)
-    middle = at.mean(axis=0)
-    if middle.min() < 1 or middle.max() > TABLE - 2:
-        raise StageError(
-            f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
-            " give the simulation the recording's pressure (motion.strokes in scene.toml)"
-        )
-    pressures = shapes.pressures[0] + shapes.step * at
-    return OutlineFit(np.concatenate(kept), pressures, shapes.kinematics.root)
-
-
 def single_pressures(
     frames: Frames, shapes: Shapes, state: np.ndarray, law: np.ndarray, deviation: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -356,9 +277,8 @@ def single_pressures(
     off = np.arange(-FAR_OFF, FAR_OFF, FINE_STEP / deviation * shapes.step)[:, None]
     tried = np.clip(law + off * deviation, shapes.pressures[0], shapes.pressures[-1])
     states = np.broadcast_to(state, (off.size, SIZE))
-    score = frames.independent * shapes.scores_at(frames, states, shapes.places_of(tried))
-    weight = score - 0.5 * off**2
-    weight = np.exp(weight - weight.max(axis=0))
+    weight = frames.independent * shapes.scores(frames, states, shapes.places_of(tried))
+    weight = np.exp(weight - 0.5 * off**2 - (weight - 0.5 * off**2).max(axis=0))
     weight /= weight.sum(axis=0)
     mean = (weight * tried).sum(axis=0)
     return mean, np.sqrt((weight * (tried - mean) ** 2).sum(axis=0))

@@ -1,6 +1,7 @@
 """Particles in bands along the fitted outline, part by part, against the water's own density.
 
-A sound fit has none inside and water outside; shadows, reflections and holders have not.
+A sound fit has none inside and water outside; shadows, reflections and holders have not. What lies
+behind a holder or in a stated shadow is left out: the lit side and the known thickness remain.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from scipy.spatial import cKDTree
 
 from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.blind import dense
 from postprocess.lab.registration.fit_outline import Shapes
 from postprocess.lab.registration.silhouette import WaterLikelihood, particles
 
@@ -25,6 +25,9 @@ ENDS = 0.04  # of the finger's length: how far root and tip reach
 SIDES = ("ventral", "dorsal")
 NAMES = ("root", "tip", *(f"{side} side" for side in SIDES for _ in range(LENGTHS)))
 GRID_PX = 2  # pixels in each direction that a point of the area stands for
+
+# of the finger's depth along the light: what is deeper is as dark as the shadow behind it
+UNSEEN_SIDE = 0.5
 
 
 @dataclass(frozen=True)
@@ -116,3 +119,66 @@ def independent_share(profile: OutlineProfile) -> float:
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
     near = float(np.clip(near, 0.0, 0.95))
     return (1 - near) / (1 + near)
+
+
+def _hidden_part(
+    pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]
+) -> np.ndarray:
+    """Pixels (rows, columns) up to `hidden` (m) from the root along the finger at rest."""
+    rows, columns = shape
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
+    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along < hidden
+
+
+def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (frame, rows, columns; row 0 at the top) behind the lit side of outlines (px, y up).
+
+    `light_from`: direction of the light, rad from the picture's x axis.
+    """
+    rows, columns = shape
+    onward = -np.array([np.cos(light_from), np.sin(light_from)])
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    depth, across = x * onward[0] + y * onward[1], y * onward[0] - x * onward[1]
+    first = int(np.floor(across.min()))
+    ray = np.rint(across).astype(int) - first
+    out = np.zeros((len(outlines), rows, columns), bool)
+    for frame, outline in enumerate(outlines):
+        along = dense(outline, 2)[0]
+        at = np.rint(along[:, 1] * onward[0] - along[:, 0] * onward[1]).astype(int) - first
+        inside = (at >= 0) & (at <= ray.max())
+        lit, behind = np.full(ray.max() + 1, np.inf), np.full(ray.max() + 1, -np.inf)
+        np.minimum.at(lit, at[inside], (along @ onward)[inside])
+        np.maximum.at(behind, at[inside], (along @ onward)[inside])
+        met = np.isfinite(lit)
+        lit[met] += UNSEEN_SIDE * (behind - lit)[met]
+        out[frame] = depth > lit[ray]
+    return out
+
+
+def blind_parts(
+    outlines: np.ndarray,
+    pose: Pose,
+    kinematics: Kinematics,
+    shape: tuple[int, int],
+    hidden: float,
+    light_from: float | None,
+) -> np.ndarray | None:
+    """Pixels (frame, rows, columns) to leave out of frames with `outlines` (px); None: none.
+
+    `hidden` (m): of the finger from its root on; `light_from` (rad): None: from all sides.
+    """
+    dark = _hidden_part(pose, kinematics, hidden, shape) if hidden else None
+    if light_from is None:
+        return None if dark is None else np.broadcast_to(dark, (len(outlines), *shape))
+    shaded = shaded_parts(outlines, light_from, shape)
+    return shaded if dark is None else shaded | dark
+
+
+def dense(outline: np.ndarray, per_px: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a closed outline (px), at least `per_px` in a pixel, and the corner before each."""
+    after = np.roll(outline, -1, axis=0)
+    pieces = np.maximum(np.ceil(per_px * np.hypot(*(after - outline).T)).astype(int), 1)
+    of = np.repeat(np.arange(len(outline)), pieces)
+    share = np.concatenate([np.arange(n) / n for n in pieces])[:, None]
+    return (1 - share) * outline[of] + share * after[of], of

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fileio.atomic import sha256, write_bytes, write_text
+from fileio.atomic import sha256, write_bytes
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start
@@ -16,19 +17,16 @@ from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.data.vectors import vectors_view
-from postprocess.lab.registration.check_fit import FitCheck, check_fit, draw_fit
-from postprocess.lab.registration.register import QUICK_SWEEPS, SWEEPS, Known, register
+from postprocess.lab.registration.check_fit import check_fit, draw_fit
+from postprocess.lab.registration.register import Known, register
 
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 
-def run_registration(
-    files: LabFiles, dpiv: Dpiv, seed: int = 1, quick: bool = False
-) -> Registration:
-    """Register the data and write registration.json and view.txt.
+def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration:
+    """Register the data and write registration.json.
 
-    `quick`: with fewer samples; nothing is written but a refused fit's picture. Files that only
-    later steps need are checked here, before anything is solved.
+    Files that only later steps need are checked here, before anything is solved.
     """
     read_inputs(files.stage.scene_folder)
     kinematics = read_kinematics(path := files.stage.required("kinematics.h5", "kinematics"))
@@ -36,33 +34,24 @@ def run_registration(
     fea_band(files, dpiv)
     if dpiv.kind == "vectors":
         registration = stated_registration(dpiv, kinematics)
-        corners = vectors_view(dpiv, registration.pose)
+        corners = vectors_view(dpiv)
     else:
         with LabRecording(dpiv) as recording:
-            registration = _of_pictures(files, dpiv, recording, kinematics, seed, quick)
+            registration = _of_pictures(files, dpiv, recording, kinematics, seed)
             corners = (0.0, 0.0), (float(recording.shape[1]), float(recording.shape[0]))
-    if quick:
-        return registration
-    view = registration.pose.view(*corners, VIEW_MARGIN)
+    registration = replace(registration, view=registration.pose.view(*corners, VIEW_MARGIN))
     made_of = {"dpiv_sha256": sha256(dpiv.folder / NAME), "seed": seed}
-    write_registration(registration, files.registration, view=view, **made_of)
-    text = " ".join(f"{v:.3f}" for v in view) + "\n"
-    if not files.view.exists() or files.view.read_text(encoding="utf-8") != text:
-        write_text(files.view, text)  # the sheets depend on it
+    write_registration(registration, files.registration, **made_of)
     return registration
 
 
 def _of_pictures(
-    files: LabFiles,
-    dpiv: Dpiv,
-    recording: LabRecording,
-    kinematics: Kinematics,
-    seed: int,
-    quick: bool,
+    files: LabFiles, dpiv: Dpiv, recording: LabRecording, kinematics: Kinematics, seed: int
 ) -> Registration:
     turn = dpiv.axes.turn_std_deg
     known = Known(
-        *stated_pose(dpiv, recording, kinematics.root),
+        stated_pose(dpiv, recording, kinematics.root),
+        dpiv.scale.std_percent / 100,
         turn_std=None if turn is None else float(np.radians(turn)),
         delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
         paired=dpiv.piv.pairing == "1-2,3-4",
@@ -70,30 +59,18 @@ def _of_pictures(
         light_from=dpiv.light_from,
         length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
     )
-    how = QUICK_SWEEPS if quick else SWEEPS
     try:
-        registration = register(
-            recording, recording.times, kinematics, known, sweeps=how, seed=seed
-        )
+        registration = register(recording, recording.times, kinematics, known, seed)
     except StageError as error:
         raise StageError(f"{dpiv.folder / NAME}: {error}") from error
     check = check_fit(recording, registration, kinematics, known)
-    refuse_what_does_not_fit(files, check, dpiv, keep=quick)
-    return registration
-
-
-def refuse_what_does_not_fit(files: LabFiles, check: FitCheck, dpiv: Dpiv, keep: bool) -> None:
-    """StageError where the fit is refused, with registration_refused.png that shows where.
-
-    An earlier registration.json is deleted then, unless `keep`.
-    """
     files.refused.unlink(missing_ok=True)
     if check.refusals:
-        if not keep:
-            files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
+        files.registration.unlink(missing_ok=True)  # of other pictures, perhaps
         write_bytes(files.refused, draw_fit(check))
         text = f"the registration is refused: {'; also, '.join(check.refusals)}"
         raise StageError(f"{dpiv.folder / NAME}: {text}; see {files.refused}")
+    return registration
 
 
 def _check_bend(kinematics: Kinematics, path: Path) -> None:
@@ -107,21 +84,22 @@ def _check_bend(kinematics: Kinematics, path: Path) -> None:
         )
 
 
-def fea_band(files: LabFiles, dpiv: Dpiv) -> tuple[bool, float]:
-    """Whether the bands of the FEA count, and the standard uncertainty (rad) of the final bend.
+def fea_band(files: LabFiles, dpiv: Dpiv) -> float:
+    """Standard uncertainty (rad) of the final bend by the bands of the FEA; 0: they do not count.
 
-    ValueError where they count and are not known.
+    StageError where they count and are not known.
     """
+    if dpiv.finger_geometry == "measured":
+        return 0.0
     path = files.stage.required("kinematics.h5", "kinematics")
     kinematics = read_kinematics(path)
     bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
-    counts = dpiv.finger_geometry == "nominal"
-    if counts and bend_std == 0:
+    if bend_std == 0:
         raise StageError(
             f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
             ' fea, or state finger_geometry = "measured" in dpiv.toml'
         )
-    return counts, bend_std
+    return bend_std
 
 
 def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
@@ -131,11 +109,7 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     assert axes.root_mm
     assert axes.root_std_mm
     assert axes.turn_std_deg is not None
-    assert dpiv.scale.std_percent
     x, y = np.array(axes.root_mm) * 1e-3
-    if axes.y == "down":  # counted from the top of the picture where the vectors are in px
-        rows = dpiv.vectors.image_rows if dpiv.vectors else None
-        y = -y if rows is None else (rows - 1) * (dpiv.scale.scale_mm_per_px or 0.0) * 1e-3 - y
     at = float(-x if axes.x == "left" else x), float(y)
     root_std, turn_std = axes.root_std_mm * 1e-3, float(np.radians(axes.turn_std_deg))
     covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
@@ -150,7 +124,8 @@ def registration_summary(registration: Registration) -> dict[str, Any]:
     pose, law, stated = registration.pose, registration.law, registration.stated
     std = np.sqrt(np.diag(registration.covariance))
     scale = pose.scale_mm_per_px
-    summary = {
+    off = (np.asarray(pose.at_px) - stated.at_px) * scale
+    return {
         "scale_mm_per_px": scale,
         "scale_std_percent": 100 * float(std[3]),
         "turn_deg": float(np.degrees(pose.angle)),
@@ -163,12 +138,7 @@ def registration_summary(registration: Registration) -> dict[str, Any]:
         "pressure_factor_std": law.std("factor"),
         "stretch": float(law.values[2]),
         "stretch_std": law.std("stretch"),
+        "scale_against_stated_percent": 100 * (scale / stated.scale_mm_per_px - 1),
+        "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
+        "root_against_stated_mm": [float(v) for v in off],
     }
-    if stated is not None:
-        off = (np.asarray(pose.at_px) - stated.at_px) * scale
-        summary |= {
-            "scale_against_stated_percent": 100 * (scale / stated.scale_mm_per_px - 1),
-            "turn_against_stated_deg": float(np.degrees(pose.angle - stated.angle)),
-            "root_against_stated_mm": [float(v) for v in off],
-        }
-    return summary

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from postprocess.lab.judgement.compare import MOTION
+from postprocess.lab.judgement.validation import AGREES, DIFFERS, ERROR, UNCERTAIN
 from postprocess.words import NBSP, pair, size
 
 Quantity = dict[str, Any]
 WORDS = {
-    "agrees": "yes",
-    "model error": "no",
-    "too uncertain": "cannot be said",
-    "differs within the inputs": "no, but within what is known of the inputs",
+    AGREES: "yes",
+    ERROR: "no",
+    UNCERTAIN: "cannot be said",
+    DIFFERS: "no, but within what is known of the inputs",
     None: "not tested",
 }
-UNKNOWN_EFFECT = "The effect on the flow is not known without the runs pressure and duration."
 BLAME = {
     "numerical": "mesh or time step",
     "input": "the inputs (pressure, time, geometry, material)",
@@ -29,16 +29,31 @@ def answer(result: dict[str, Any]) -> str:
     """The page's first sentences on motion and flow, their evidence, and what is to blame."""
     motion = [q for q in result["quantities"] if q["name"] in MOTION]
     flow = [q for q in result["quantities"] if q["name"] not in MOTION]
-    parts = [
-        f"Motion: {WORDS[result['motion']]}. Flow: {WORDS[result['flow']]}.",
-        _motion_answer(result, motion, flow),
-        _flow_answer(result, flow),
-    ]
-    if result["motion"] == "model error":
-        parts += [_blame_of_motion(result["registration"]), _motion_effect(flow)]
-    if wrong := [q for q in flow if q["name"] in result["wrong"]]:
-        parts.append(_blame_of_flow(result, wrong))
-    if missing := result["missing_runs"]:
+    wrong = [q for q in flow if q["verdict"] == ERROR]
+    moves = result["motion"]
+    parts = [f"Motion: {WORDS[moves]}. Flow: {WORDS[result['flow']]}."]
+    if moves is None:
+        parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
+    elif moves == UNCERTAIN:
+        parts.append(f"Too uncertain to say: {_undecided(motion)}.")
+    else:
+        parts.append(_listed(motion, moves) or "The finger moves as simulated.")
+    wide = _undecided(flow)
+    if wrong:
+        parts.append(_listed(flow, ERROR))
+    elif result["flow"] == UNCERTAIN:
+        share = f"{result['too_uncertain']:.0%}"
+        parts.append(f"A flow that errs by {share} would not be seen: {wide}.")
+    elif result["flow"]:
+        parts.append(f"Nothing can be said of: {wide}." if wide else "The flow agrees.")
+    if moves == ERROR:
+        parts.append(_blame_of_motion(result["registration"]))
+    elif moves == DIFFERS:
+        rate = "check frame_rate_hz of dpiv.toml, then " if motion[-1]["verdict"] == DIFFERS else ""
+        parts.append(f"To find out, {rate}correct motion.strokes of the scene.")
+    if wrong:
+        parts.append(_blame_of_flow(moves, wrong))
+    if flow and (missing := result["missing_runs"]):
         lacks = " and ".join(name for name in missing if name in ("grid", "time_step"))
         added = f", and S lacks what {lacks} would change" if lacks else ""
         parts.append(
@@ -48,45 +63,11 @@ def answer(result: dict[str, Any]) -> str:
     return " ".join(part for part in parts if part)
 
 
-def _motion_answer(result: dict[str, Any], motion: list[Quantity], flow: list[Quantity]) -> str:
-    """The motion by the silhouette, and how small a difference it would have shown."""
-    if result["motion"] is None:
-        return "Vectors do not show the finger: whether it moved as simulated is not tested."
-    if result["motion"] == "model error":
-        return _listed(result, motion)
-    if result["motion"] == "agrees":
-        return "The finger moves as simulated."
-    if result["motion"] == "too uncertain":
-        return f"Too uncertain to say: {_undecided(motion)}."
-    differs = "; ".join(
-        f"{q['label']} {size(q['simulation'], q['unit'])} against {size(q['data'], q['unit'])}"
-        f"{_part_of(q)}, which the registration knows to"
-        f" ±{NBSP}{size(q['k'] * np.asarray(q['u_D']), q['unit'])}"
-        for q in motion
-        if q["differs"]
-    )
-    rate = "check frame_rate_hz of dpiv.toml, then " if "duration" in differs else ""
-    return (
-        f"The recording's finger moves otherwise than the simulated one: {differs}. The inputs'"
-        f" uncertainty allows for it (u_input), so it is no fault of the model: {rate}correct"
-        f" motion.strokes of the scene. {_motion_effect(flow)}"
-    )
-
-
-def _flow_answer(result: dict[str, Any], flow: list[Quantity]) -> str:
-    """The flow by the quantities that could have shown a difference."""
-    if any(q["name"] in result["wrong"] for q in flow):
-        return _listed(result, flow)
-    wide = _undecided(flow)
-    if result["flow"] == "too uncertain":
-        return f"A flow that errs by {result['too_uncertain']:.0%} would not be seen: {wide}."
-    return f"The flow agrees. Nothing can be said of: {wide}." if wide else "The flow agrees."
-
-
-def _listed(result: dict[str, Any], quantities: list[Quantity]) -> str:
-    wrong = [q for q in quantities if q["name"] in result["wrong"]]
-    text = "; ".join(f"{q['label']}: {verdict_sentence(q)}" for q in wrong)
-    return f"{text[:1].upper()}{text[1:]}."
+def _listed(quantities: list[Quantity], verdict: str) -> str:
+    """The quantities of a verdict that is not `AGREES`, with their differences."""
+    found = [q for q in quantities if q["verdict"] == verdict != AGREES]
+    text = "; ".join(f"{q['label']}: {verdict_sentence(q)}" for q in found)
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
 
 
 def _undecided(quantities: list[Quantity]) -> str:
@@ -94,7 +75,7 @@ def _undecided(quantities: list[Quantity]) -> str:
     return ", ".join(
         f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
         for q in quantities
-        if q["verdict"] == "too uncertain"
+        if q["verdict"] == UNCERTAIN
     )
 
 
@@ -113,49 +94,36 @@ def _blame_of_motion(registration: dict[str, Any]) -> str:
     )
 
 
-def _blame_of_flow(result: dict[str, Any], wrong: list[Quantity]) -> str:
+def _blame_of_flow(moves: str | None, wrong: list[Quantity]) -> str:
     """The cause of a flow that differs in the quantities `wrong`."""
-    if result["motion"] is None:
+    if moves is None:
         return "The flow model is to blame, or a motion other than the simulated one."
-    if any(q["explained_by_motion"] is not None for q in wrong):
+    if any(q["explained"] is not None for q in wrong):
         names = ", ".join(q["label"] for q in wrong)
         text = f"At the recording's own motion the flow differs ({names}): the flow model is to"
         return f"{text} blame."
-    if result["motion"] == "agrees":
+    if moves == AGREES:
         return "The finger moves as simulated, so the flow model is to blame, not the motion."
-    return f"Whether motion or flow model is to blame is not known. {UNKNOWN_EFFECT}"
-
-
-def _motion_effect(flow: list[Quantity]) -> str:
-    """Effect of the motion's difference on the flow, by the runs of pressure and duration."""
-    parts = []
-    for q in flow:
-        values = np.atleast_1d(np.asarray(q["explained_by_motion"], float))
-        if q["explained_by_motion"] is not None:
-            share = f"{100 * values[0] / abs(q['scale']):+.0f}{NBSP}%"
-            parts.append(f"{q['label']} {share if values.size == 1 else size(values, q['unit'])}")
-    if not parts:
-        return UNKNOWN_EFFECT
     return (
-        "By the runs of pressure and duration that motion makes this part of the flow's"
-        f" differences, as PIV shows them, which is taken out: {', '.join(parts)}."
+        "Whether motion or flow model is to blame is not known: the motion's effect on the flow"
+        " needs the runs pressure and duration."
     )
 
 
 def verdict_sentence(q: Quantity) -> str:
     """One quantity's verdict in a sentence."""
-    band = size(q["k"] * np.asarray(q["u_val"]), q["unit"])
-    if q["verdict"] == "agrees":
-        return f"agrees within ±{NBSP}{band}"
-    if q["verdict"] == "model error":
+    unit, off = q["unit"], size(q["error"], q["unit"])
+    off += f" ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})" if q["scale"] else ""
+    band = f"±{NBSP}{size(q['k'] * np.asarray(q['u_val']), unit)}"
+    if q["verdict"] == AGREES:
+        return f"agrees within {band}"
+    if q["verdict"] == ERROR:
         what = "the motion differs by" if q["name"] in MOTION else "model error of"
-        return f"{what} about {size(q['error'], q['unit'])}{_part_of(q)}, known to ±{NBSP}{band}"
-    return f"too uncertain to say: the band is ±{NBSP}{band}, mostly from {q['dominant']}"
-
-
-def _part_of(q: Quantity) -> str:
-    """The difference in per cent of the quantity's scale."""
-    return f" ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})" if q["scale"] else ""
+        return f"{what} about {off}, known to {band}"
+    if q["verdict"] == DIFFERS:
+        seen = f"±{NBSP}{size(q['k'] * np.asarray(q['u_D']), unit)}"
+        return f"differs by {off}, known to {seen}, which the inputs' uncertainty allows ({band})"
+    return f"too uncertain to say: the band is {band}, mostly from {q['dominant']}"
 
 
 def _relative(q: Quantity) -> str:
@@ -173,8 +141,7 @@ def row(q: Quantity) -> dict[str, Any]:
         "label": q["label"],
         "window": q["window"],
         **{name: pair(q[name], unit) for name in ("simulation", "data", "error")},
-        "explained": pair(q["explained_by_motion"], unit),
-        "finer": pair(q["finer"], unit),
+        **{name: pair(q[name], unit) for name in ("explained", "finer")},
         **{name: size(q[name], unit) for name in ("u_num", "u_input", "u_D", "u_val")},
         "significance": f"{q['significance']:.2f}",
         "k": f"{q['k']:.2f}",

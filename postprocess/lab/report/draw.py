@@ -8,7 +8,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from fileio.formats.kinematics import Kinematics
+from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
 from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure
+from postprocess.lab.data.files import Registration
+from postprocess.lab.data.pose import Pose
+from postprocess.lab.judgement.case import Sides
+from postprocess.lab.registration.register import law_pressure
 
 COLOUR = {"data": LAB, "virtual": PIV, "direct": CFD}
 NAME = {"data": "laboratory (DPIV)", "virtual": "simulation, seen by the same PIV"}
@@ -16,12 +22,10 @@ NAME["direct"] = "simulation, direct"
 K95 = 1.96
 
 
-def series(
-    table: pd.DataFrame, quantities: dict[str, dict[str, Any]], window: tuple[float, float]
-) -> Figure:
+def series(table: pd.DataFrame, circulation: dict[str, Any]) -> Figure:
     """Circulation over time with 95 % bands of each instant on both sides."""
     figure, ax = new_figure(8.8, 4.4)
-    instant, unit = quantities["circulation"]["u_instant"], 1e4
+    instant, unit = circulation["instant"], 1e4
     simulated = "virtual" if "circulation_virtual" in table else "direct"
     half = {"data": instant["data"][0], simulated: instant["simulation"][0]}
     for side in ("direct", "virtual", "data"):
@@ -33,25 +37,30 @@ def series(
         if side in half:
             low, high = ((values + s * K95 * half[side]) * unit for s in (-1, 1))
             ax.fill_between(time, low, high, color=COLOUR[side], alpha=0.2, lw=0)
-    ax.axvspan(*window, color=SHADED, zorder=0)
+    ax.axvspan(*circulation["window"], color=SHADED, zorder=0)
     ax.set(xlabel="time of the simulation, s", ylabel="circulation, cm²/s")
     ax.set_title("Tip vortex (shaded: the instants compared); bands hold 95 % of each instant")
     ax.legend(loc="best")
     return figure
 
 
-def motion(
-    table: pd.DataFrame, registration: dict[str, Any], times: np.ndarray, bends: np.ndarray
-) -> Figure:
-    """Bend angle over time: simulation, fitted law, and single frames at `times` (s)."""
+def motion(kinematics: Kinematics, registration: Registration) -> Figure:
+    """Bend angle over time: simulation, fitted law, and what single frames show."""
     figure, ax = new_figure(8.8, 3.8)
-    ax.plot(table["time"], table["bend_deg_direct"], color=CFD, label="simulation")
-    ax.plot(table["time"], table["bend_deg_data"], color=LAB, label="recording, fitted law")
-    if times.size:
-        ax.plot(times, np.degrees(bends), ".", color=GREY, ms=5, label="recording, single frames")
-    law = f"factor {registration['pressure_factor']:.3f}, duration × {registration['stretch']:.3f}"
+    law, times = registration.law, np.linspace(*kinematics.time, 200)
+    recorded = law_pressure(kinematics, times + law.delay, law.values)
+    for pressures, colour, name in (
+        (kinematics.law(times), CFD, "simulation"),
+        (recorded, LAB, "recording, fitted law"),
+    ):
+        ax.plot(times, np.degrees(kinematics.bend(pressures)), color=colour, label=name)
+    seen = np.degrees(kinematics.bend(registration.pressures))
+    if seen.size:
+        at = registration.times - law.delay
+        ax.plot(at, seen, ".", color=GREY, ms=5, label="recording, single frames")
+    found = f"factor {law.values[0]:.3f}, duration × {law.values[2]:.3f}"
     ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °")
-    ax.set_title(f"Motion of the finger ({law})")
+    ax.set_title(f"Motion of the finger ({found})")
     ax.legend(loc="best")
     return figure
 
@@ -72,3 +81,19 @@ def overlay(picture: np.ndarray, fitted: np.ndarray, simulated: np.ndarray) -> F
     ax.set_title("The finger found in the picture")
     ax.legend(loc="lower right", facecolor="white", frameon=True)
     return figure
+
+
+def flow(sides: Sides, table: pd.DataFrame, pose: Pose, time: float) -> np.ndarray:
+    """Measured beside simulated vectors at the instant next to `time` (s), (row, column, RGB)."""
+    simulated = "direct" if sides.virtual is None else "virtual"
+    planes, vortices = {}, {}
+    for side, plane in (("data", sides.data), (simulated, sides.virtual or sides.direct)):
+        columns = ("circulation", "x", "y", "radius")
+        track = table[[f"{name}_{side}" for name in columns]].set_axis(columns, axis=1)
+        track = track.assign(time=table["time"], track=0).dropna()
+        x, y = pose.to_camera(track[["x", "y"]].to_numpy()).T
+        planes[NAME[side]], vortices[NAME[side]] = plane, [track.assign(x=x, y=y)]
+    speed = float(np.nanquantile(np.hypot(sides.data["u"].values, sides.data["v"].values), 0.999))
+    limit = vorticity_limit(sides.data, np.array([time]))
+    view = view_limits(planes, vortices)
+    return flow_figure(planes, vortices, speed, limit, view)(time)

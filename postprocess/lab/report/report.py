@@ -1,40 +1,37 @@
-"""The page of a comparison with a laboratory, and its figures (SVG and PDF)."""
+"""The page of a comparison with a laboratory, and its figures."""
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from fileio.atomic import write_text
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.records import LAB_COMPARISON
+from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
 from postprocess.lab.data.dpiv_toml import Dpiv
-from postprocess.lab.data.files import LabFiles, read_registration
+from postprocess.lab.data.files import LabFiles
 from postprocess.lab.data.pictures import LabRecording
+from postprocess.lab.judgement.case import Case
 from postprocess.lab.registration.register import law_pressure
 from postprocess.lab.report import answers, draw
 from postprocess.report.page_template import page_template
 
 PICTURE_DPI = 120
+TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
 
 
-def make_report(files: LabFiles, dpiv: Dpiv) -> Path:
-    """Write figures and report.html; FileNotFoundError where the comparison was not run."""
-    if not files.comparison.exists():
-        raise FileNotFoundError(f"{files.comparison} is missing; run make compare first")
-    result = LAB_COMPARISON.read(files.comparison)
-    pictures = {
-        n: (_saved(files, n, figure), alt) for n, figure, alt in _figures(files, dpiv, result)
-    }
-    path = files.folder / "report.html"
+def make_report(
+    files: LabFiles, dpiv: Dpiv, case: Case, result: dict[str, Any], series: pd.DataFrame | None
+) -> Path:
+    """Write figures and report.html, or quick.html without a `series` of the flow."""
+    drawn = _figures(files, dpiv, case, result, series)
+    pictures = {path.stem: (_address(path), alt) for path, alt in drawn}
+    path = files.folder / ("quick.html" if series is None else "report.html")
     write_text(path, page(files.stage.numbers.title, result, pictures))
     return path
 
@@ -52,37 +49,36 @@ def page(title: str, result: dict[str, Any], pictures: dict[str, tuple[str, str]
     )
 
 
-def _saved(files: LabFiles, name: str, figure: Figure) -> str:
-    """The figure on disk as SVG and PDF, and as an address for the page; pictures as bitmaps."""
-    folder = files.folder / "figures"
-    svg = save(figure, folder / f"{name}.svg", bbox_inches="tight")
-    save(figure, folder / f"{name}.pdf", bbox_inches="tight")
-    if name == "picture":
-        svg = save(figure, folder / f"{name}.png", dpi=PICTURE_DPI, bbox_inches="tight")
-    kind = "svg+xml" if svg.suffix == ".svg" else "png"
-    return f"data:image/{kind};base64,{base64.b64encode(svg.read_bytes()).decode()}"
+def _address(path: Path) -> str:
+    return f"data:image/{TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def _figures(
-    files: LabFiles, dpiv: Dpiv, result: dict[str, Any]
-) -> Iterator[tuple[str, Figure, str]]:
-    """All figures: name, figure and alternative text."""
-    registration = read_registration(files.registration)
-    kinematics = read_kinematics(files.stage.required("kinematics.h5", "kinematics"))
-    table = pd.read_csv(files.folder / "series.csv")
-    by_name = {q["name"]: q for q in result["quantities"]}
-    alt = "Circulation over time with 95 % bands"
-    yield "series", draw.series(table, by_name, tuple(result["window_s"])), alt
-    law = registration.law
-    bends = registration.times - law.delay, kinematics.bend(registration.pressures)
-    figure = draw.motion(table, result["registration"], *bends)
-    yield "motion", figure, "Bend angle over time, simulation and recording"
+    files: LabFiles, dpiv: Dpiv, case: Case, result: dict[str, Any], series: pd.DataFrame | None
+) -> list[tuple[Path, str]]:
+    """Draws all figures; their files and alternative texts."""
+    folder, registration, out = files.folder / "figures", case.registration, []
+    kinematics, law, pose = case.kinematics, registration.law, registration.pose
+    tight: dict[str, Any] = {"bbox_inches": "tight"}
+    if series is not None and case.flow is not None:
+        circulation = next(q for q in result["quantities"] if q["name"] == "circulation")
+        path = save(draw.series(series, circulation), folder / "series.svg", **tight)
+        out.append((path, "Circulation over time with 95 % bands"))
+        image = draw.flow(case.flow, series, pose, float(np.mean(circulation["window"])))
+        write_picture(image, folder / "flow.webp", quality=85)
+        out.append((folder / "flow.webp", "Vectors of the recording beside the simulation's"))
+    path = save(draw.motion(kinematics, registration), folder / "motion.svg", **tight)
+    out.append((path, "Bend angle over time, simulation and recording"))
     if dpiv.kind == "pictures":
         with LabRecording(dpiv) as recording:
             middle = len(recording) // 2
             picture, time = recording.frame(middle), float(recording.times[middle])
         fitted = law_pressure(kinematics, np.array([time]), law.values)[0]
-        pressures = fitted, float(kinematics.law(time - law.delay))
-        outlines = (registration.pose.to_px(kinematics.shape("outline", p)) for p in pressures)
-        alt = "A picture of the recording with the finger's outline as fitted and as simulated"
-        yield "picture", draw.overlay(picture, *outlines), alt
+        outlines = (
+            pose.to_px(kinematics.shape("outline", p))
+            for p in (fitted, float(kinematics.law(time - law.delay)))
+        )
+        figure = draw.overlay(picture, *outlines)
+        path = save(figure, folder / "picture.png", dpi=PICTURE_DPI, **tight)
+        out.append((path, "A picture of the recording with the outline as fitted and as simulated"))
+    return out

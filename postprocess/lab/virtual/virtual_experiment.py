@@ -1,27 +1,24 @@
-"""The same PIV of a laboratory's pictures and of virtual pictures of the simulation."""
+"""The same PIV of a laboratory's pictures and of these pictures moved by the simulation's flow."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import xarray as xr
+from scipy.ndimage import distance_transform_edt
 
 from fileio.formats.plane_series import read_plane
-from fileio.formats.recording import RecordingWriter
 from piv.correlation.options import Options
-from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
 from piv.sequence.sequence import SequenceOptions, correlate_recording
-from piv.synthetic.camera import Camera, Seeding
-from piv.synthetic.virtual_camera import Recorder
 from postprocess.lab.data.dpiv_toml import Evaluation
 from postprocess.lab.data.pictures import MaskedRecording
 from postprocess.lab.data.pose import Pose, camera_series
 
-RENDER_MARGIN = 0.004  # m beyond the picture, from where particles enter it
+DENSITY, DIAMETER = 0.05, 2.5  # particles in a pixel, and their diameter at 1/e² (px)
 
 
 def evaluate(
@@ -53,64 +50,79 @@ def evaluate(
         return plane.load()
 
 
-def virtual_recording(
-    sheet: xr.Dataset,
-    pose: Pose,
-    camera: Camera,
-    seeding: Seeding,
-    times: np.ndarray,
-    path: Path,
-    *,
-    paired: bool = False,
-    seed: int = 1,
-) -> Path:
-    """Pictures of the simulation through the laboratory's camera at `times` (s of the simulation).
+class Still(Recording):
+    """Pictures (rows, columns) of usual seeding, where a laboratory gives none with its vectors."""
 
-    `paired`: each pair of frames 1-2, 3-4 … is seeded anew; else frames are evenly spaced.
+    def __init__(self, shape: tuple[int, int], count: int) -> None:
+        super().__init__("still", count)
+        self._size = shape
+
+    def _read(self, i: int) -> np.ndarray:
+        rng = np.random.default_rng(i)
+        spots = np.where(rng.random(self._size) < DENSITY, rng.uniform(0, 1, self._size), 0.0)
+        light = cv2.GaussianBlur(spots, (0, 0), DIAMETER / 4) * (np.pi * DIAMETER**2 / 8)
+        return np.clip(8 + 170 * light + rng.normal(0, 2, self._size), 0, 255).astype(np.uint8)
+
+
+class MovedRecording(Recording):
+    """Pairs of each of the pictures `first` and the same moved by a flow, at `times` (2 × pair,) s.
+
+    `sheet`: the flow in the tank frame; the water beside the finger moves with the nearest.
     """
-    step = float(sheet["x"][1] - sheet["x"][0])
-    x, y = (
-        np.arange(-RENDER_MARGIN, size * pose.pixel + RENDER_MARGIN + step, step)
-        for size in (camera.width_px, camera.height_px)
-    )
-    seen = replace(camera, scale_mm_per_px=pose.scale_mm_per_px, origin_px=(0.0, 0.0))
-    dtype = np.uint8 if camera.bits <= 8 else np.uint16
-    attrs = {"bits": camera.bits, "seed": seed, "frame_rate_hz": camera.frame_rate_hz}
-    parts = times.reshape(-1, 2) if paired else [times]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.with_name(path.name + ".part").unlink(missing_ok=True)  # of another sheet, perhaps
-    shape = camera.height_px, camera.width_px
-    with RecordingWriter(path, shape, dtype, times.size, attrs, times=times) as writer:
-        number = 0
-        for k, part in enumerate(parts):
-            series = camera_series(sheet, pose, x, y, part)
-            taken = replace(seen, frame_rate_hz=float(1 / np.mean(np.diff(part))))
-            for frame in Recorder(series, taken, seeding, seed + 7919 * k).frames():
-                writer.write(number, frame.image)
-                number += 1
-        writer.finish()
-    return path
+
+    def __init__(
+        self,
+        source: Recording,
+        first: np.ndarray,
+        times: np.ndarray,
+        sheet: xr.Dataset,
+        pose: Pose,
+    ) -> None:
+        super().__init__(f"{source.name}, moved", 2 * len(first))
+        self._source, self._first, self._times = source, first, times
+        self._sheet, self._pose = sheet, pose
+
+    def _read(self, i: int) -> np.ndarray:
+        image = self._source.frame(int(self._first[i // 2]))
+        if i % 2 == 0:
+            return image
+        (before, after), px = self._times[i - 1 : i + 1], self._pose.pixel
+        step = float(self._sheet["x"][1] - self._sheet["x"][0])
+        x, y = (np.arange(0.0, n * px + step, step) for n in image.shape[::-1])
+        middle = np.array([(before + after) / 2])
+        flow = camera_series(self._sheet, self._pose, x, y, middle).isel(time=0)
+        unknown = np.isnan(flow["u"].values)
+        j, i_ = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+        shift = [flow[n].values[j, i_] * (after - before) / px for n in ("u", "v")]
+        column, row = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in image.shape[::-1]))
+        up = image.shape[0] - 1 - row
+
+        def moved(column: np.ndarray, up: np.ndarray) -> list[Any]:
+            x, y = ((c * px / step).astype(np.float32) for c in (column, up))
+            return [cv2.remap(s.astype(np.float32), x, y, cv2.INTER_CUBIC) for s in shift]
+
+        u, v = moved(column, up)
+        u, v = moved(column - u / 2, up - v / 2)  # half-way, as PIV has it
+        from_ = (column - u).astype(np.float32), (row + v).astype(np.float32)
+        return cv2.remap(image, *from_, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT)
 
 
 def virtual_experiment(
+    recording: Recording,
+    first: np.ndarray,
+    times: np.ndarray,
     sheet: xr.Dataset,
     pose: Pose,
-    camera: Camera,
-    seeding: Seeding,
-    times: np.ndarray,
     outlines: list[np.ndarray],
     piv: Evaluation,
-    folder: Path,
-    *,
-    seed: int = 1,
+    output: Path,
     **speed: Any,
 ) -> xr.Dataset:
-    """PIV of the simulation with the laboratory's camera, seeding and settings, camera frame.
+    """PIV of the pictures `first`, moved by the flow of a sheet, camera frame.
 
-    `speed`: threads and quiet of `evaluate`.
+    `times` (2 × pair,) s; `outlines` (px) of each picture; `speed`: threads and quiet of
+    `evaluate`.
     """
-    path, paired = folder / "virtual_recording.h5", piv.pairing == "1-2,3-4"
-    virtual_recording(sheet, pose, camera, seeding, times, path, paired=paired, seed=seed)
-    with open_recording(str(path)) as recording:
-        every, output = np.arange(times.size), folder / "virtual_piv.h5"
-        return evaluate(recording, every, times, outlines, pose, piv, output, **speed)
+    moved = MovedRecording(recording, first, times, sheet, pose)
+    pairs = piv.model_copy(update={"pairing": "1-2,3-4", "every": 1})
+    return evaluate(moved, np.arange(times.size), times, outlines, pose, pairs, output, **speed)

@@ -9,13 +9,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from postprocess.lab.data.files import Law, Registration
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.blind import shaded_parts
 from postprocess.lab.registration.check_fit import check_fit, check_priors, draw_fit
 from postprocess.lab.registration.check_motion import check_motion
-from postprocess.lab.registration.register import QUICK_SWEEPS, Known, fit_law, register
+from postprocess.lab.registration.outline_profile import shaded_parts
+from postprocess.lab.registration.register import Known, law_pressure, register
 from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics
 
@@ -41,7 +42,7 @@ def registered(kinematics, faults=None, *, taken=TIMES, clock=TIMES, hidden=0.0,
     pressures = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
     recording = Rendered(kinematics, true, pressures, SHAPE, faults)
     known = Known(stated, scale_std=0.01, hidden=hidden, light_from=light_from)
-    made = register(recording, clock, kinematics, known, sweeps=QUICK_SWEEPS)
+    made = register(recording, clock, kinematics, known)
     return made, check_fit(recording, made, kinematics, known)
 
 
@@ -208,7 +209,10 @@ def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag,
     seen = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
     seen += rng.normal(0, 0.003 * span, 42)
     seen -= lag * span * np.sin(np.pi * np.clip(taken / 0.4, 0, 1)) ** 2
-    values = fit_law(kinematics, clock, seen, np.array([1.0, DELAY, 1.0]))
+    values = curve_fit(
+        lambda clock, *law: law_pressure(kinematics, clock, np.array(law)),
+        clock, seen, [1.0, DELAY, 1.0],
+    )[0]  # fmt: skip
     found = {"times": clock, "pressures": seen, "pressures_std": np.full(42, 0.003 * span)}
     law = Law(values, np.eye(3), 0.003 * span)
     made = replace(at(kinematics, poses(kinematics)[1]), law=law, **found)

@@ -1,10 +1,14 @@
 """V&V 20: verdicts and limits against cases worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from postprocess.lab.judgement.compare import judged
 from postprocess.lab.judgement.validation import (
     AGREES,
+    DIFFERS,
     ERROR,
     UNCERTAIN,
     Source,
@@ -59,6 +63,9 @@ def test_what_the_data_know_better_than_the_inputs_differs():
     assert inside.verdict(too_uncertain=10.0) == AGREES
     assert inside.differs()
     assert not quantity(0.3, 0.1, 2.0, 0.2).differs()
+    # a bend that differs is not undecided as well
+    row = judged(replace(inside, name="final_bend"), too_uncertain=0.3, level=0.95)
+    assert row["verdict"] == DIFFERS
 
 
 def test_two_components_are_judged_together():

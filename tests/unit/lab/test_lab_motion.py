@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 from fileio.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
 from postprocess.lab.data.files import Law, Registration
+from postprocess.lab.data.inputs_toml import Input, Numerics
 from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.case import Case, Effect
+from postprocess.lab.judgement.case import Case, Effect, Sides
 from postprocess.lab.judgement.clock import check_clock
 from postprocess.lab.judgement.flow import (
     explained_by_motion,
@@ -35,16 +36,16 @@ def case(tmp_path_factory):
     registration = Registration(pose, np.eye(4), 0.0, law, some, some, some, None)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
     runs = (
-        ("pressure", "input", 3e-5, bend, 0.0),
-        ("duration", "input", -10e-5, 0.0, 0.1 * stroke_duration(kinematics)),
-        ("grid", "numerical", 2e-5, 0.0, 0.0),
+        (input_of("pressure"), 3e-5, bend, 0.0),
+        (input_of("duration"), -10e-5, 0.0, 0.1 * stroke_duration(kinematics)),
+        (Numerics(name="grid", ratio=2.0, order=1.0, safety=1.0), 2e-5, 0.0, 0.0),
     )
-    effects = [
-        Effect(n, kind, "", 0.5, pd.DataFrame({"circulation": [c] * 3}), b, d)
-        for n, kind, c, b, d in runs
-    ]
-    known = kinematics, registration, None, None, None, VortexSettings(0.004), 0.006
-    return Case(*known, True, 0.02, True, effects)
+    effects = [Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3})) for of, c, b, d in runs]
+    return Case(kinematics, registration, 0.02, None, effects)
+
+
+def input_of(name):
+    return Input(name=name, key=name, step=1.0, limit=0.5 * 3**0.5, reason="")
 
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
@@ -80,7 +81,7 @@ def test_nothing_is_taken_out_where_it_is_not_known(case, without):
     if without == "silhouette":
         case = replace(case, registration=replace(case.registration, times=np.zeros(0)))
     else:
-        case = replace(case, effects=[e for e in case.effects if e.name != without])
+        case = replace(case, effects=[e for e in case.effects if e.of.name != without])
     assert at_recorded_motion(case).of_motion == []
 
 
@@ -107,13 +108,13 @@ def test_water_that_contradicts_the_silhouette_names_rate_and_interval(case, spe
     kinematics, law = case.kinematics, np.array([1.0, 0.0, 1.0])
     pose = Pose(1e3, 0.0, kinematics.root, kinematics.root)
     seen = replace(case.registration.law, values=np.array([1.0, 0.0, stretch]))
-    data = beside(kinematics, seen.values, speed * stretch)
-    known = {"data": data, "virtual": beside(kinematics, law, 1.0), "window_m": 0.01}
-    made = replace(case, registration=replace(case.registration, pose=pose, law=seen), **known)
+    data, virtual = beside(kinematics, seen.values, speed * stretch), beside(kinematics, law, 1.0)
+    registration = replace(case.registration, pose=pose, law=seen)
+    sides = Sides(data, virtual, virtual, VortexSettings(0.004), 0.01)
     if ratio is None:
-        check_clock(made)
+        check_clock(kinematics, registration, sides)
         return
     with pytest.raises(
         ValueError, match=rf"moves about {ratio} times .* frame_rate_hz .*interval_s"
     ):
-        check_clock(made)
+        check_clock(kinematics, registration, sides)

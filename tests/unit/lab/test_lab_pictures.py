@@ -10,13 +10,12 @@ from postprocess.lab.data.pictures import LabRecording
 
 COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
 TOML = """format = "dpiv"
-format_version = 3
+format_version = 4
 title = "frames"
 kind = "pictures"
 files = "{files}"
 frame_rate_hz = {rate}
 start = "from motion"
-sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 finger_length_std_mm = 0.1
 scale = {{ scale_mm_per_px = 0.1, std_percent = 1.0 }}

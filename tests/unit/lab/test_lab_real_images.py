@@ -1,4 +1,4 @@
-"""Real pictures: a dark body is found to a pixel, the seeding is measured."""
+"""Real pictures: a dark body is found to a pixel."""
 
 import cv2
 import numpy as np
@@ -8,19 +8,17 @@ from scipy.optimize import minimize
 from piv.images.calibration import Calibration, save_calibration
 from postprocess.lab.data.dpiv_toml import read_dpiv
 from postprocess.lab.data.pictures import LabRecording
-from postprocess.lab.data.seeding import measure_appearance
-from postprocess.lab.registration.silhouette import integral_image, learn, particles
+from postprocess.lab.registration.silhouette import integral_image, learn
 from tests.lab_scene import inside_sum
 from tests.shared_data import shared_data
 
 TOML = """format = "dpiv"
-format_version = 3
+format_version = 4
 title = "real"
 kind = "pictures"
 files = "{files}"
 frame_rate_hz = 100.0
 start = "from motion"
-sheet_thickness_mm = 1.0
 finger_geometry = "nominal"
 finger_length_std_mm = 0.1
 scale = {{ calibration = "calibration.json", std_percent = 1.0 }}
@@ -66,17 +64,6 @@ def test_edge_of_a_real_cylinder(tmp_path):
     half = 0.5 * (level[:8].mean() + level[-8:].mean())
     edge = float(np.interp(half, level[8:24], rings[8:24]))
     assert a[2] == pytest.approx(edge, abs=1.0)
-
-
-def test_seeding_of_real_pictures(tmp_path):
-    """Density by moments against counted spots, which miss overlapping and dim ones."""
-    pictures = recording(tmp_path, "pypiv_finger", "*.tif")
-    images = [pictures.frame(i) for i in range(len(pictures))]
-    dark = float(np.percentile(images[0], 20))
-    seen = measure_appearance(images, [np.zeros(images[0].shape, bool)] * len(images), dark, 1.0)
-    counted = particles(images[0], dark + 6.0)[0].size / images[0].size
-    assert 0.5 * counted < seen.density_ppp < 4 * counted
-    assert 1.0 < seen.diameter_px < 6.0
 
 
 def test_mirrored_pictures_are_turned_back(tmp_path):

@@ -60,11 +60,11 @@ def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(
 
 def test_all_that_is_wrong_in_a_dpiv_toml_is_told_at_once(tmp_path):
     (tmp_path / "dpiv.toml").write_text(
-        'format = "dpiv"\nformat_version = 3\ntitel = "a"\nkind = "pictures"\n'
+        'format = "dpiv"\nformat_version = 4\ntitel = "a"\nkind = "pictures"\n'
     )
     with pytest.raises(ValueError, match="title is missing") as caught:
         read_dpiv(tmp_path)
     text = str(caught.value)
     assert "titel: this key is not known; did you mean title?" in text
-    for key in ("files", "scale", "axes", "piv", "frame_rate_hz"):
-        assert f"{key} is missing: give " in text
+    for key in ("files", "scale.std_percent", "axes.y", "piv.window", "frame_rate_hz"):
+        assert f"{key} is missing: " in text

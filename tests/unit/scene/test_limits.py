@@ -4,13 +4,16 @@ import re
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fileio.errors import StageError
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.sheet import view_axes
 from tests.conftest import ROOT
 
+SINGLE = ROOT / "cases" / "single_finger"
 OBJECT = "[pinch.object]\ndiameter = {d}\ncentre_height = {y}\n"
 SUPPORT = "[support]\nsize = [{x}, {h}, 0.05]\nbottom = {y}\n"
 SMALL = ("tip_cell", "wall_cell", "near_cell", "wall_first_layer")
@@ -204,3 +207,21 @@ def test_a_later_stroke_that_never_begins_is_warned_of(tmp_path):
         " { pressure_kpa = 0.0, start = 9.0, duration = 0.4 }]"
     )
     assert "strokes[1] starts at 9 s" in smoke(tmp_path / "s", strokes).remarks()[0]
+
+
+def test_recording_and_strokes_exclude_each_other(tmp_path):
+    motion = '[motion]\nsource = "recording"\nrecording = "m.h5"\n'
+    (tmp_path / "scene.toml").write_text(f'extends = "{SINGLE}"\n{motion}')
+    with pytest.raises(StageError, match=r"no strokes \(strokes = \[\]\)"):
+        load_scene(tmp_path, "smoke")
+
+
+def test_view_of_a_laboratory_camera_stays_in_the_water():
+    scene = load_scene(SINGLE, "smoke")
+    x, y = view_axes((-0.08, 0.12, 0.10, 0.40), scene)
+    spacing = scene.sheet.spacing
+    assert x[0] == pytest.approx(-0.08, abs=spacing)
+    assert y[-1] == pytest.approx(scene.tank.water_depth, abs=spacing)
+    assert np.allclose(np.diff(x), spacing)
+    with pytest.raises(StageError, match="shows no water"):
+        view_axes((0.5, 0.6, 0.1, 0.2), scene)
