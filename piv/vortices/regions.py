@@ -13,7 +13,7 @@ from scipy import ndimage
 from piv.compiled import compiled
 from piv.vortices.criteria import q_criterion, vorticity
 from piv.vortices.settings import VortexSettings
-from piv.vortices.smooth import REACH, Smoother
+from piv.vortices.smooth import Smoother
 
 DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a tip's width
 # radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
@@ -92,6 +92,15 @@ class _Criteria(NamedTuple):
     known: ndarray
 
 
+class _Patch(NamedTuple):
+    """A region within its box: criteria, its points, those of no other region, and the box."""
+
+    c: _Criteria
+    mask: ndarray
+    free: ndarray
+    box: tuple[slice, ...]
+
+
 def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     """Vortices of a plane, strongest first, at a smoothing length `scale`.
 
@@ -104,21 +113,19 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     found = []
     for sense in (1.0, -1.0):
         turning = _Criteria(sense * whole.omega, whole.q, whole.known)
-        for mask, free, box in _vortices(turning, p, scale, s):
-            part = _Criteria(*(q[box] for q in turning))
-            m = _measures(part, mask, free, s.least_part, p, box, sense)
-            found.append((m, part, mask, free, box))
-    strongest = max((abs(m.circulation) for m, *_ in found), default=0.0)
+        patches = _vortices(turning, p, scale, s)
+        found += [(_measures(patch, s.least_part, p, sense), patch) for patch in patches]
+    strongest = max((abs(m.circulation) for m, _ in found), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     found = [f for f in found if abs(f[0].circulation) >= least]
-    measures = [m for m, *_ in found]
+    measures = [m for m, _ in found]
     regions = []
-    for m, part, mask, free, box in found:
-        own = _own(p, box, m, measures, DISC * scale)
-        m = m._replace(circulation=np.sign(m.circulation) * _circulation(part, own, p))
-        noise = _of_vectors(p, scale, m, mask, free, box, s.least_part, own)
+    for m, patch in found:
+        own = _own(p, patch.box, m, measures, DISC * scale)
+        m = m._replace(circulation=np.sign(m.circulation) * _circulation(patch.c, own, p))
+        noise = _of_vectors(patch, p, scale, m, s.least_part, own)
         if abs(m.circulation) >= s.significance * noise.circulation:
-            std = np.hypot(_of_grid(part, p, m, own, box), noise)
+            std = np.hypot(_of_grid(patch, p, m, own), noise)
             regions.append(Region(m, Measures(*std.tolist()), noise))
     return sorted(regions, key=lambda r: -abs(r.measures.circulation))
 
@@ -144,26 +151,21 @@ def _circulation(c: _Criteria, own: ndarray, p: Plane) -> float:
     return float((own * np.maximum(c.omega, 0.0)).sum() * p.step[0] * p.step[1])
 
 
-def _within(box: tuple[slice, ...], wide: tuple[slice, ...]) -> tuple[slice, ...]:
-    """The place of a box in a wider one."""
-    return tuple(slice(b.start - w.start, b.stop - w.start) for b, w in zip(box, wide, strict=True))
-
-
-def _vortices(
-    c: _Criteria, p: Plane, scale: float, s: VortexSettings
-) -> Iterator[tuple[ndarray, ndarray, tuple[slice, ...]]]:
-    """Regions that are vortices: mask within a box, where no other region is, and the box."""
+def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterator[_Patch]:
+    """Regions that are vortices, in boxes that hold the circle of a circulation."""
     basins, peaks = _basins(c.omega, (c.q > 0) & (c.omega > 0), SADDLE)
     least = np.pi * (SMALLEST * scale) ** 2 / (p.step[0] * p.step[1])
     sizes = np.bincount(basins.ravel())
     for k, box in enumerate(ndimage.find_objects(basins), start=1):
         if box is None or sizes[k] < least:
             continue
-        box = _wider(box, 2 + int(DISC * scale / min(p.step)), basins.shape)
+        by = 2 + int(DISC * scale / min(p.step))
+        edges = zip(box, basins.shape, strict=True)
+        box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
         near, part = basins[box], _Criteria(*(q[box] for q in c))
         mask = (near == k) & (part.omega >= s.least_part * peaks[k])
         if np.count_nonzero(mask) >= least and _stands_out(part, mask, p.step, scale, s):
-            yield mask, (near == k) | (near == 0), box
+            yield _Patch(part, mask, (near == k) | (near == 0), box)
 
 
 @compiled
@@ -207,13 +209,6 @@ def _basins(f, inside, saddle):
     return number, peaks[: count + 1]
 
 
-def _wider(box: tuple[slice, ...], by: int, shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """The box with so many more rows and columns on each side, within the plane."""
-    return tuple(
-        slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in zip(box, shape, strict=True)
-    )
-
-
 def _criteria(p: Plane, scale: float, box, noise: tuple[ndarray, ndarray] | None = None):
     """Smoothed vorticity and Q within a box; with `noise` (y, x, n) added to the vectors."""
     u, v, valid = p.u[box], p.v[box], p.valid[box]
@@ -241,16 +236,9 @@ def _stands_out(
     return bool(large <= s.max_elongation**2 * small)
 
 
-def _measures(
-    c: _Criteria,
-    mask: ndarray,
-    free: ndarray,
-    level: float,
-    p: Plane,
-    box: tuple[slice, ...],
-    sense: float,
-) -> Measures:
+def _measures(patch: _Patch, level: float, p: Plane, sense: float) -> Measures:
     """Integrals over a region; a cell on its edge counts by the part that lies within."""
+    c, mask, free, box = patch
     peak = float(c.omega[mask].max())
     near = cv2.dilate(mask.astype(np.uint8), _SQUARE) > 0
     within = np.minimum(_depth(c.q), _depth(c.omega - level * peak))
@@ -285,12 +273,13 @@ def _peak(omega: ndarray, mask: ndarray) -> float:
     return value
 
 
-def _of_grid(c: _Criteria, p: Plane, m: Measures, own: ndarray, box: tuple[slice, ...]) -> ndarray:
+def _of_grid(patch: _Patch, p: Plane, m: Measures, own: ndarray) -> ndarray:
     """Standard uncertainties of a region's measures by the grid and by what is hidden.
 
     Where its `own` points end at absent vectors that are not at a wall, what lies within half a
     window beyond is unknown; so is what lies at absent vectors that were bridged.
     """
+    c, _, _, box = patch
     step = max(p.step)
     sizes = np.array([m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)])
     known = np.pad(c.known | p.wall[box], 1, mode="edge")
@@ -306,14 +295,7 @@ def _of_grid(c: _Criteria, p: Plane, m: Measures, own: ndarray, box: tuple[slice
 
 
 def _of_vectors(
-    p: Plane,
-    scale: float,
-    m: Measures,
-    mask: ndarray,
-    free: ndarray,
-    box: tuple[slice, ...],
-    level: float,
-    own: ndarray,
+    patch: _Patch, p: Plane, scale: float, m: Measures, level: float, own: ndarray
 ) -> Measures:
     """Standard uncertainties of a region's measures by replicas of the vectors' errors.
 
@@ -321,24 +303,22 @@ def _of_vectors(
     """
     if p.noise is None:
         return Measures(*[0.0] * 5)
-    reach = 2 + int(np.ceil(REACH * scale / min(p.step)))
-    wide = _wider(box, reach, p.valid.shape)
-    at = _within(box, wide)
+    _, mask, free, box = patch
     rng = np.random.default_rng(1)
     errors = [
-        np.where(p.valid[wide], std[wide], 0.0)[..., None] * _alike(rng, p, std[wide].shape)
+        np.where(p.valid[box], std[box], 0.0)[..., None] * _alike(rng, p, std[box].shape)
         for std in p.noise
     ]
-    replicas = _criteria(p, scale, wide, (errors[0], errors[1]))
+    replicas = _criteria(p, scale, box, (errors[0], errors[1]))
     sense = np.sign(m.circulation)
     values = []
     for k in range(REPLICAS):
-        part = _Criteria(sense * replicas.omega[(*at, k)], replicas.q[(*at, k)], replicas.known[at])
+        part = _Criteria(sense * replicas.omega[..., k], replicas.q[..., k], replicas.known)
         least = level * max(float(part.omega[mask].max()), 0.0)
         labels, _ = ndimage.label(free & (part.q > 0) & (part.omega > least))
         most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
         if (labels == most).any():
-            drawn = _measures(part, labels == most, free, level, p, box, sense)
+            drawn = _measures(patch._replace(c=part, mask=labels == most), level, p, sense)
             values.append(drawn._replace(circulation=_circulation(part, own, p)))
     if len(values) < 2:  # it vanishes in the noise
         return Measures(*[np.inf] * 5)
