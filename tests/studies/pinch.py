@@ -136,15 +136,14 @@ def main() -> None:
     tables: dict[str, list[pd.DataFrame]] = {"variations": [], "lift": []}
     for row in read_study(HOME / "studies" / "variations.csv"):
         run = run_of(describe(HOME, "variations", row))
-        if late := run.stale("vortices_cfd"):
-            print(f"{row.run}: left as it is ({next(iter(late))} not made)")
+        if run.stale("vortices_cfd"):
             continue
         evidence = load_evidence(StageFiles(run.scene))
         tables["variations"].append(rows_of(row.run, run, evidence))
         fluid = run.scene.fluid
         lifted = lift(evidence, run.scene.finger.width, fluid.density, fluid.kinematic_viscosity)
         tables["lift"].append(pd.DataFrame([{"run": row.run} | lifted]))
-        print(f"{row.run}: {lifted}", flush=True)
+        print(row.run, flush=True)
     for name, parts in tables.items():
         path = RECORD / f"pinch_{name}.csv"
         if path.exists():
