@@ -323,7 +323,7 @@ def _check_mesh(scene: Any) -> None:
     fine = "less than a thousandth of the finger's thickness"
     for key, (high, why) in most.items():
         _within(f"mesh.{key}", getattr(mesh, key), 0, high, " m", f"more than {why}")
-    for key in most:
+    for key in (*most, "tip_transition"):
         _within(f"mesh.{key}", getattr(mesh, key), _FINEST * thick, np.inf, " m", fine)
     for key in (*SCALED, "jet_reach"):
         _within(f"mesh.{key}", getattr(mesh, key), 0, max(tank.size), " m", "more than the tank")
