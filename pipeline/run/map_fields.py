@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from fileio.atomic import write_text
 from fileio.formats.mesh_intervals import IntervalMesh
-from fileio.json_text import read_json
 from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_edges
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.foamfile import END, header, write_bytes, write_field
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import saved_field
-
-# of the run's peak force: the forces of two intervals that differ by less agree
-_AGREED = 0.02
-FIELD_MAPPING = "field_mapping.json"  # in an interval's folder: the change of energy by the mapping
 
 
 @dataclass(frozen=True)
@@ -203,8 +195,6 @@ def map_fields(
     share = energy_share(source, target, velocity, averaged, sampled)
     mapped = averaged + share * (sampled - averaged)
     first_guess = carry(source, target, overlap, pressure[:, None], no_slip=False)[0][:, 0]
-    energy = square_sum(source, velocity, velocity)
-    jump = square_sum(target, mapped, mapped) / energy - 1 if energy else 0.0
     write_field(new / "U", templates / "U", mapped)
     write_field(new / "p", templates / "p", first_guess)
     for path in templates.iterdir():
@@ -214,57 +204,3 @@ def map_fields(
     index = b"index %d;\n" % step
     time_header = header("dictionary", f"{name}/uniform", "time", binary=False)
     write_bytes(new / "uniform" / "time", time_header + index + END)
-    write_text(case / FIELD_MAPPING, json.dumps({"mapped_at": time, "mapping_jump_fraction": jump}))
-
-
-def _common(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows of two tables (time, …) at their common times."""
-    first, second = (np.round(table[:, 0] * 1e9).astype(np.int64) for table in (before, after))
-    _, first, second = np.intersect1d(first, second, return_indices=True)
-    return before[first], after[second]
-
-
-def settling_time(
-    before: np.ndarray, after: np.ndarray, mapped_at: float, peak: float
-) -> float | None:
-    """Time (s) after `mapped_at` until forces (time, component …) of two intervals agree.
-
-    To agree is to differ by less than _AGREED of `peak`. None where they do not within the overlap.
-    """
-    old, new = _common(before, after)
-    off = np.abs(old[:, 1:] - new[:, 1:]).max(1) > _AGREED * peak
-    if not len(off) or off[-1]:
-        return None
-    return float(old[np.flatnonzero(off)[-1] + 1, 0] - mapped_at) if off.any() else 0.0
-
-
-def _read_mapping(case: Path) -> dict[str, Any]:
-    remedy = f"delete {case / 'state.json'} and run make again: that interval is solved anew"
-    return read_json(case / FIELD_MAPPING, remedy)
-
-
-def field_mappings(
-    cases: list[Path], starts: list[float], force: list[np.ndarray], energy: list[np.ndarray]
-) -> list[dict[str, Any]]:
-    """The field mappings of run.json: kinetic energy (J) on both sides, settling time of the force.
-
-    `starts` (s), `force` (time, component …) and `energy` (time, energy): of each interval, the
-    tables with its overlap.
-    """
-    peak = max(float(np.abs(table[:, 1:3]).max()) for table in force)
-    records = []
-    for k in range(1, len(starts)):
-        record = _read_mapping(cases[k])
-        before, after = (float(table[-1, 1]) for table in _common(energy[k - 1], energy[k]))
-        settled = settling_time(force[k - 1][:, :3], force[k][:, :3], record["mapped_at"], peak)
-        records.append(
-            {
-                "time": starts[k],
-                "kinetic_energy_before": before,
-                "kinetic_energy_after": after,
-                "jump_fraction": (after - before) / before if before else 0.0,
-                "force_settled_after": settled,
-            }
-            | record
-        )
-    return records

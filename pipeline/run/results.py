@@ -16,7 +16,6 @@ from pipeline.openfoam.function_objects import read_function_object
 from pipeline.openfoam.ranks import Ranks
 from pipeline.run.checkpoint import LOG
 from pipeline.run.guards import Budget, energy_from_nothing
-from pipeline.run.map_fields import field_mappings
 from pipeline.run.power import power_balance, power_rows, term_rows
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.sections import Fluid
@@ -115,8 +114,6 @@ def collect_results(
     )
     terms[:, 1:] *= copies
     POWER_TERMS.write(folder / "run" / "power_terms.csv", terms)
-    starts = [mesh.interval.start for mesh in meshes]
-    mappings = field_mappings(cases, starts, force, [part[:, [0, 2]] for part in parts])
     energy = _joined(meshes, parts)
     POWER.write(folder / "run" / "power.csv", energy)
     written = POWER.read(folder / "run" / "power.csv").to_numpy()
@@ -132,5 +129,4 @@ def collect_results(
             for m in meshes
             for i in [m.interval]
         ],
-        "field_mappings": mappings,
     }

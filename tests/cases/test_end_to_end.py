@@ -186,9 +186,6 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     assert by_cfd["mirror_distance_rms"] < 1e-9
     # a quarter of a window; below 1 mm on one processor, 1.5 mm on another
     assert checks["pair-mirrored"]["measured"]["piv"] < 2e-3
-    # 0.55 % at twice the speed and 8 ms of overlap; the finer levels have at most 0.2 %
-    mappings = read(pinch / "run" / "run.json")["field_mappings"]
-    assert all(abs(mapping["jump_fraction"]) < 0.01 for mapping in mappings)
     assert (pinch / "report.html").read_text().count('id="pinch"') == 1
 
 

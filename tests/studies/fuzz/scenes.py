@@ -41,7 +41,8 @@ from pipeline.scene.scene import Scene, load_scene
 CASES = Path(__file__).resolve().parents[3] / "cases"
 PARENTS = ("single_finger", "pinch")
 NOT_DRAWN = {"name", "level", "folder", "actuator", "fea", "body"}
-BOUND = {"time_step", "rate_hz", "end_time", "length"}  # to each other, or to the states
+# to each other, to the states, or to another source of the motion
+BOUND = {"time_step", "rate_hz", "end_time", "length", "recording_factor"}
 STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": solver.run}
 STAGES = list(STAGE_OF)
 LONGEST = 10.0  # s of CPU time until a refusal

@@ -139,3 +139,7 @@ def test_the_shipped_pinch_keeps_its_limits(tmp_path):
     assert 0.31 < resting.start < 0.33  # the tips stop at 0.31 s
     shapes = read_kinematics(scene.out / "kinematics.h5").data
     assert float(shapes["shape_gap"].min()) == pytest.approx(0.5e-3, abs=1e-6)
+
+
+def test_an_interval_overlaps_for_some_steps_and_some_time():
+    assert [mesh.overlap_steps(step) for step in (1e-3, 5e-4, 2.5e-4)] == [8, 8, 16]
