@@ -80,7 +80,7 @@ def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: 
     # left of errors correlated by exp(-2 (d/length)²) in a mean over a Gaussian of `WIDE` lengths
     share = 1 / (1 + 8 * WIDE**2)
     # so far may a square exceed that noise, of as many means as the view holds
-    most = 1 + _DEVIATIONS * np.sqrt(4 * np.pi * (WIDE * length) ** 2 / max(ok.sum(), 1))
+    most = 1 + _DEVIATIONS * np.sqrt(4 * np.pi * (WIDE * length) ** 2 / ok.sum())
     for reach in REACHES:
         low = int(np.clip(at - reach, 0, max(0, len(times) - 2 * reach - 1)))
         near = range(low, min(low + 2 * reach + 1, len(times)))
@@ -97,7 +97,8 @@ def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: 
             for shorter, own in zip(means, noises, strict=True)
         ]
         means.append(mean)
-        noises.append(share * float(np.median(variance.sum(axis=0)[known])))
+        seen = variance.sum(axis=0)[known]
+        noises.append(share * float(np.median(seen)) if seen.size else np.inf)
         errors.append(noises[-1] + max([0.0, *biases]))
         if errors[-1] == min(errors):
             bend = np.einsum("fyx,cfyx->cyx", curvature, velocity)

@@ -102,13 +102,17 @@ class Balance:
 
     def at(self, k: int) -> dict[str, ndarray]:
         """`p`, `p_std` (y, x) Pa, and with an outline its pressure and loads, of instant `k`."""
-        now, slope = self._fields(k), time_slope(self._times, k, self._fields, self._window)
+        now = self._fields(k)
+        few = ValueError(f"no pressure at {self._times[k]:g} s: too few usable vectors")
+        if not now.ok.any():
+            raise few
+        slope = time_slope(self._times, k, self._fields, self._window)
         (u, v), (dx, dy) = now.velocity, self._steps
         flow = Flow(u, v, now.ok, dx, dy, self._viscosity)
         rates = acceleration(flow, slope.value, u, v)
         good = now.ok & np.isfinite(rates).all(axis=0)
         if good.sum() < 2:
-            raise ValueError(f"no pressure at {self._times[k]:g} s: too few usable vectors")
+            raise few
         net = links(good, dx, dy)
         reach = -self._density * net.steps  # from accelerations to differences of pressure
         g = gradients(u, v, now.ok, dx, dy, "fourth-order")

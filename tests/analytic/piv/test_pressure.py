@@ -150,6 +150,15 @@ def test_a_body_that_leaves_the_view_has_no_loads() -> None:
     assert np.isnan(found["line_moment"]).all()
 
 
+@pytest.mark.parametrize("seen", [[2], [0, 1, 3, 4]])
+def test_an_instant_without_vectors_or_without_neighbours_is_named(seen: list[int]) -> None:
+    """At the middle of five fields: alone, and absent while the others are there."""
+    series = vortex(79)[0].isel(time=slice(0, 5))
+    series = series.where(series["time"].isin(series["time"][seen]))
+    with pytest.raises(ValueError, match=r"no pressure at 0\.008 s: too few usable vectors"):
+        Balance(series.assign(valid=series["valid"].fillna(0)), RHO, 0.0, ABOUT).at(2)
+
+
 def _exact(series: xr.Dataset) -> np.ndarray:
     """The exact pressure of the middle instant in the place of all."""
     return np.broadcast_to(cylinder(0)[1], series["u"].shape)
