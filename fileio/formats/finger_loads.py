@@ -47,6 +47,7 @@ first_order?  -  1  coupled: 1: the loads were continued to first order
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
+_DAMPING = " Its overshoot depends on structure.damping, whose default of 4 ms is an assumption."
 
 
 def motion_sentence(values: Mapping[str, Any]) -> str:
@@ -71,6 +72,7 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
                 if values["contact_force"] > 0
                 else ""
             )
+            + _DAMPING
         )
     bend, wet = (np.degrees(np.asarray(values[name])) for name in ("bend", "bend_in_water"))
     step, apart = np.asarray(values["step"]), wet - bend
@@ -84,5 +86,5 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
         return f"The motion is prescribed; modelled water changes it by less than {_WORTH:g}°."
     return (
         "The motion is prescribed. By a chain of slices in modelled water, a finger with this"
-        f" pressure would be {', and '.join(parts)}: use COUPLED=1 if that matters."
+        f" pressure would be {', and '.join(parts)}: use COUPLED=1 if that matters.{_DAMPING}"
     )

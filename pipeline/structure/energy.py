@@ -9,7 +9,7 @@ import numpy as np
 
 from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.motion import Surroundings, at_standstill, forces, rates_of
+from pipeline.structure.motion import AT_REST, Surroundings, forces, rates_of
 
 _CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
 
@@ -33,7 +33,7 @@ def energies(
     at = placed(unloaded, slice(None), delta)
     air = chain.air_section(pressure)[:, None]
     acting = forces(chain, around, at, rates_of(at, step), air, loads)
-    weight = forces(chain, around, at, at_standstill(at), air, 0 * loads)
+    weight = forces(chain, around, at, AT_REST, air, 0 * loads)
     velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in _CARRIED}
     turning = np.gradient(np.unwrap(np.angle(at.heading), axis=0), step, axis=0)
     ahead, behind = (

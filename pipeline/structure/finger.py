@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray, States
@@ -15,7 +16,6 @@ from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
-from pipeline.structure.loads import slice_loads
 from pipeline.structure.motion import Surroundings, motion
 
 _GRAVITY = 9.81  # m/s²
@@ -122,15 +122,19 @@ class Posed:
         chain, at = finger.chain, np.array([pressure])
         self._finger = finger
         self.placed = placed(chain.unloaded(at), 0, delta)
-        self._shape = chain.profile(at, delta[None])[0], chain.thickness(at)[0]
+        points = chain.profile(at, delta[None])[0] @ [1, 1j]
+        along = np.gradient(points)
+        line = points - 0.5j * chain.thickness(at)[0] * along / np.abs(along)  # half way up
+        pieces = 0.5 * (line[1:] + line[:-1])
+        self._tree = cKDTree(np.column_stack([pieces.real, pieces.imag]))
+        self._middle = np.concatenate([[line[: chain.joints[0] + 1].mean()], self.placed.middle])
 
     def loads(
         self, surface: Path, density: float, copies: int, left_alone: bool = False
     ) -> tuple[FloatArray, float]:
-        """Loads (slice + 1, 3) of a sampled surface: N along and across, N m; and about the root.
+        """Loads (slice + 1, 3) of a sampled surface, as `of_forces`, and N m about the root.
 
-        The clamped length comes first. `copies`: of the computed part in the whole finger;
-        `left_alone`: of two fingers the left one.
+        `copies`: of the computed part in the whole finger; `left_alone`: of two the left one.
         """
         centre, force, _ = wall_forces(surface, density)
         kept = centre[:, 0] < 0 if left_alone else slice(None)
@@ -140,9 +144,18 @@ class Posed:
         return self.of_forces(centre, push), moment
 
     def of_forces(self, place: FloatArray, force: FloatArray) -> FloatArray:
-        """Loads (slice + 1, 3) of forces (piece, 2) N at places (piece, 2) m of the tank."""
-        finger = self._finger
-        along, about = slice_loads(
-            finger.chain, self.placed, *self._shape, finger.places(place), finger.in_actuator(force)
+        """Loads (slice + 1, 3) of forces (piece, 2) N at places (piece, 2) m of the tank.
+
+        N along and across each slice, and N m about its middle; the clamped length comes first.
+        Each force goes to the slice whose middle line is nearest.
+        """
+        chain, at = self._finger.chain, self._finger.places(place)
+        push = self._finger.in_actuator(force)
+        nearest = self._tree.query(np.column_stack([at.real, at.imag]))[1]
+        owner = np.searchsorted(chain.joints, nearest, side="right")
+        turning = (np.conj(at - self._middle[owner]) * push).imag
+        x, y, torque = (
+            np.bincount(owner, part, chain.slices + 1) for part in (push.real, push.imag, turning)
         )
-        return np.column_stack([along.real, along.imag, about])
+        along = (x + 1j * y) * np.conj(np.concatenate([[1.0], self.placed.heading]))
+        return np.column_stack([along.real, along.imag, torque])

@@ -67,19 +67,7 @@ class Rates:
     middle: ComplexArray
 
 
-def modelled_water(
-    chain: Chain,
-    around: Surroundings,
-    heading: ComplexArray,
-    velocity: ComplexArray,
-    acceleration: ComplexArray,
-) -> ComplexArray:
-    """Force (…, slice) N of the modelled water across each slice, by the rates of its middle."""
-    across = 1j * heading
-    speed, rate = ((np.conj(across) * v).real for v in (velocity, acceleration))
-    inertia = around.added_mass * np.pi / 4 * chain.width**2 * rate
-    drag = around.drag * chain.width / 2 * np.abs(speed) * speed
-    return -around.fluid * chain.lengths * (inertia + drag) * across
+AT_REST = Rates(*[np.zeros((), complex)] * 4)
 
 
 def forces(
@@ -97,8 +85,11 @@ def forces(
     """
     law, lengths = chain.law, chain.lengths
     mass, gravity, fluid = law.rubber_mass * lengths, around.gravity, around.fluid
-    middle = (loads[..., 0] + 1j * loads[..., 1]) * at.heading
-    middle = middle + modelled_water(chain, around, at.heading, rates.velocity, rates.middle)
+    across = 1j * at.heading
+    speed, rate = ((np.conj(across) * v).real for v in (rates.velocity, rates.middle))
+    water = around.added_mass * np.pi / 4 * chain.width**2 * rate
+    water = water + around.drag * chain.width / 2 * np.abs(speed) * speed
+    middle = (loads[..., 0] + 1j * loads[..., 1]) * at.heading - fluid * lengths * water * across
     weight = mass * (gravity - rates.rubber) - fluid * law.rubber_section * lengths * gravity
     return [
         (at.rubber, weight),
@@ -106,11 +97,6 @@ def forces(
         (at.air, -fluid * air * lengths * gravity + 0 * at.air),
         (at.middle, middle),
     ]
-
-
-def at_standstill(at: Placed) -> Rates:
-    """No velocity and no acceleration."""
-    return Rates(*[0 * at.middle] * 4)
 
 
 def _newton(
@@ -154,7 +140,7 @@ def at_rest(
 
         def residual(turned, part=part, share=share):
             at = placed(unloaded, 0, turned)
-            acting = forces(chain, share, at, at_standstill(at), air, part * loads)
+            acting = forces(chain, share, at, AT_REST, air, part * loads)
             moment = joint_moments(at, acting, part * loads[:, 2])
             return law.moment(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
 

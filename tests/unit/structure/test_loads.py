@@ -9,10 +9,10 @@ import pytest
 from fileio.formats.bending_states import States, read
 from pipeline.kinematics.finger import finger_motion
 from pipeline.scene.scene import load_scene
-from pipeline.structure.chain import Chain, placed
+from pipeline.structure.chain import Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
-from pipeline.structure.finger import ElasticFinger
-from pipeline.structure.loads import slice_loads
+from pipeline.structure.finger import ElasticFinger, Posed
+from pipeline.structure.motion import Surroundings
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
@@ -30,13 +30,18 @@ def test_no_force_and_no_moment_is_lost():
     chain = Chain(STATES, STATES.law, STATES.width)
     pressure = np.array([2e4])
     still = np.zeros((1, chain.slices))
-    at = placed(chain.unloaded(pressure), 0, still[0])
-    profile, thickness = chain.profile(pressure, still)[0], chain.thickness(pressure)[0]
+    water = Surroundings()
+    finger = ElasticFinger(chain, None, np.eye(2), np.zeros(2), water, water, True)
+    posed = Posed(finger, 2e4, still[0])
+    at = posed.placed
+    profile = chain.profile(pressure, still)[0]
     points = profile[:, 0] + 1j * profile[:, 1]
     points = 0.5 * (points[1:] + points[:-1])  # between the joints
     generator = np.random.default_rng(3)
     force = generator.normal(size=124) + 1j * generator.normal(size=124)
-    along, torque = slice_loads(chain, at, profile, thickness, points, force)
+    place = points - finger.places(np.zeros((1, 2)))  # the chain begins at its ventral edge
+    loads = posed.of_forces(*(np.column_stack([z.real, z.imag]) for z in (place, force)))
+    along, torque = loads[:, 0] + 1j * loads[:, 1], loads[:, 2]
     heading = np.concatenate([[1.0], at.heading])
     assert np.sum(along * heading) == pytest.approx(force.sum())
     clamped = np.arange(124) < chain.joints[0]
