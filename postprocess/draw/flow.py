@@ -181,9 +181,9 @@ def format_instant(plane: xr.Dataset, time: float) -> str:
 
 
 def others(table: pd.DataFrame, judged: list[pd.DataFrame], time: float) -> pd.DataFrame:
-    """The strong vortices of an instant (s) that are not `judged`."""
+    """The strong vortices of an instant (s) that are not marked as `judged` then."""
     now = table[np.isclose(table["time"], time, atol=1e-6)]
-    known = [track for vortex in judged for track in vortex["track"].unique()]
+    known = [v.loc[(v["time"] - time).abs().idxmin(), "track"] for v in judged if _at(v, time).size]
     strong = now["circulation"].abs() >= _RIVAL * now["circulation"].abs().max()
     return now[strong & ~now["track"].isin(known)]
 
