@@ -36,6 +36,7 @@ _LONGEST_RUN = 600.0  # s of a finger's motion, whose pressure is sampled 4000 t
 _LONGEST_INTERVAL = 10  # between two frames of the camera, in pictures of the sheet
 _PERIOD_STEPS = 8  # time steps in a period of a rigid body
 _RUBBER = (1e3, 1e12)  # Pa, E I over I of the finger's section: softest gel, stiffest solid
+_LEAST_GROWTH = 0.02  # of cells with the distance: 1e5 cells round a point of a gap
 _FINEST = 1e-3  # of the finger's thickness: smaller cells resolve nothing of it
 # key: least, most, unit, the unit by mistake, of water; liquid metals to honey
 _LIQUIDS = {
@@ -327,6 +328,9 @@ def _check_mesh(scene: Any) -> None:
         _within(f"mesh.{key}", getattr(mesh, key), _FINEST * thick, np.inf, " m", fine)
     for key in (*SCALED, "jet_reach"):
         _within(f"mesh.{key}", getattr(mesh, key), 0, max(tank.size), " m", "more than the tank")
+    if mesh.wall_grading:  # cells of a growth g round a gap are as many as 1 / g²
+        slow = "so slow a growth that cells have no end (0: a jump)"
+        _within("mesh.wall_grading", mesh.wall_grading, _LEAST_GROWTH, 1, "", slow)
     if layers > room / 2:
         raise ValueError(
             f"the mesh's layers at the wall are {layers:.3g} m thick, but there are only"

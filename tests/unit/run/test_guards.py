@@ -222,6 +222,7 @@ def test_the_watchdog_acts_once_when_nothing_is_written():
         ("[levels.tiny.mesh]\nfar_cell = 0.2", ["mesh.far_cell", "0.075"]),
         ("[levels.tiny.mesh]\nwall_first_layer = 0.004", ["mesh.wall_first_layer", "0.0035"]),
         ("[levels.tiny.mesh]\nnear_cell = 1e-7", ["mesh.near_cell", "thousandth"]),
+        ("[mesh]\nwall_grading = 0.001", ["mesh.wall_grading", "0.02"]),
         ("[mesh]\ntip_transition = 5e-324", ["mesh.tip_transition", "thousandth"]),
         ("[levels.tiny.numerics]\ntime_step = 1e-7", ["numerics.time_step", "4.2e+06 steps"]),
         ("[sheet]\nspacing = 1e-6", ["sheet.spacing", "points"]),
