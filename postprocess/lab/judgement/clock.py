@@ -20,25 +20,32 @@ def clock_ratio(kinematics: Kinematics, registration: Registration, sides: Sides
     """Speed of the recording's water within a window of the finger over that of its silhouettes.
 
     Relative to the same of the virtual experiment, in which boundary layer and window are alike.
+    Of vectors that both have beside both fingers: where these lie apart, one hides the other's.
     """
     assert sides.virtual is not None
-    law, slopes = registration.law.values, []
-    for plane, values in ((sides.data, law), (sides.virtual, np.array([1.0, law[1], 1.0]))):
+    law, planes = registration.law.values, (sides.data, sides.virtual)
+    known = np.logical_and(*(usable(plane).values for plane in planes))
+    points = np.meshgrid(sides.data["x"].values, sides.data["y"].values)
+    at = [np.stack([axis[one] for axis in points], axis=-1) for one in known]
+    walls: list[list[np.ndarray]] = []
+    beside = [np.ones(len(places), bool) for places in at]
+    for plane, values in zip(planes, (law, np.array([1.0, law[1], 1.0])), strict=True):
         times = plane["time"].values + law[1]
-        known, points = usable(plane).values, np.meshgrid(plane["x"].values, plane["y"].values)
         ends = [law_pressure(kinematics, times + s * STEP, values) for s in (-0.5, 0.0, 0.5)]
         before, now, after = (
             registration.pose.to_camera(kinematics.shape("outline", p)) for p in ends
         )
-        product = square = 0.0
+        walls.append([])
         for k, outline in enumerate(now):
-            at = np.stack([axis[known[k]] for axis in points], axis=-1)
-            away, nearest = cKDTree(outline).query(at)
-            near = away < sides.window_m
-            wall = ((after - before)[k] / STEP)[nearest[near]]
-            water = np.stack([plane[n].values[k][known[k]][near] for n in ("u", "v")], axis=-1)
-            product, square = product + np.sum(water * wall), square + np.sum(wall**2)
-        slopes.append(product / square if square > 0 else np.nan)
+            away, nearest = cKDTree(outline).query(at[k])
+            beside[k] &= away < sides.window_m
+            walls[-1].append(((after - before)[k] / STEP)[nearest])
+    slopes = []
+    for plane, wall in zip(planes, walls, strict=True):
+        moved = np.concatenate([w[near] for w, near in zip(wall, beside, strict=True)])
+        flow = np.stack([plane[n].values for n in ("u", "v")], axis=-1)
+        water = np.concatenate([f[k][n] for f, k, n in zip(flow, known, beside, strict=True)])
+        slopes.append(np.sum(water * moved) / max(np.sum(moved**2), 1e-30))
     return float(slopes[0] / slopes[1]) if slopes[1] else np.nan
 
 

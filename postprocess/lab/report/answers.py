@@ -80,18 +80,18 @@ def _undecided(quantities: list[Quantity]) -> str:
 
 
 def _blame_of_motion(registration: dict[str, Any]) -> str:
-    def more(name: str, up: str, down: str) -> str:
-        value, band = registration[name], 196 * registration[f"{name}_std"]
-        change = f"{100 * abs(value - 1):.1f}{NBSP}% {up if value >= 1 else down}"
-        return f"{change} (±{NBSP}{band:.1f})"
-
-    time, std = registration["stretch"], registration["stretch_std"]
-    rate = "If frame_rate_hz of dpiv.toml is right, the" if abs(time - 1) > 1.96 * std else "The"
-    return (
-        f"{rate} motion is to blame: the recording's finger bends as if its pressure were"
-        f" {more('pressure_factor', 'higher', 'lower')} than the simulation's, and takes"
-        f" {more('stretch', 'more', 'less')} time."
-    )
+    """What of pressure and time differs by more than the registration leaves open."""
+    parts = []
+    for name, verb, up, down, what in (
+        ("pressure_factor", "bends as if its pressure were", "higher", "lower", ""),
+        ("stretch", "takes", "more", "less", " time"),
+    ):
+        value, band = 100 * (registration[name] - 1), 196 * registration[f"{name}_std"]
+        if abs(value) > band:
+            change = f"{abs(value):.1f}{NBSP}% {up if value > 0 else down}{what}"
+            parts.append(f"{verb} {change} (±{NBSP}{band:.1f})")
+    rate = "If frame_rate_hz of dpiv.toml is right, the" if "takes" in "".join(parts) else "The"
+    return f"{rate} motion is to blame: the recording's finger {' and '.join(parts)}."
 
 
 def _blame_of_flow(moves: str | None, wrong: list[Quantity]) -> str:
