@@ -164,8 +164,7 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
 
 
 def main() -> None:
-    """Append a row for each seed."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description="Append a row for each seed.")
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     parser.add_argument("--scene", default="cases/single_finger")
