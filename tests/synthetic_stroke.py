@@ -347,5 +347,6 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "steps": 800,
     }
     run |= {"wall_time": 161.0, "resumed": [], "courant_max": 0.7, "power_balance": balance}
+    run["intervals"] = [{"start": 0.0, "end": 0.2}, {"start": 0.2, "end": 0.4}]
     run["mesh_quality"] = {"max_non_orthogonality_deg": 45.0, "max_skewness": 0.8}
     (out / "run/run.json").write_text(json.dumps(run))
