@@ -110,7 +110,9 @@ def wall_forces(path: Path, density: float) -> tuple[np.ndarray, np.ndarray, np.
     """
     _check(path)
     with path.open("rb") as file:  # without VTK: a coupled run reads one in each step
-        layout, content = _layout(file) or {}, path.read_bytes()
+        layout, content = _layout(file), path.read_bytes()
+    if not layout:
+        raise StageError(f"{path}: not of VTK format version 2.0; delete it and run make again")
 
     def values(name: str) -> np.ndarray:
         offset, count, kind = layout[name]

@@ -83,7 +83,8 @@ class Run:
         if self.analysed:
             files.pop("motion.states", None)  # the result of the stage fea, an input
         inputs = {name: self.digest(name) for name in self.inputs(step)}
-        return {"version": step.version, "numbers": numbers, "files": files, "inputs": inputs}
+        version = step.version + (step.coupled_version if self.scene.coupled else 0)
+        return {"version": version, "numbers": numbers, "files": files, "inputs": inputs}
 
     def digest(self, stage: str) -> str:
         """Digest of `made_from`: two results with the same digest are equal."""

@@ -13,8 +13,9 @@ class Stage:
     module: has run(scene, quiet, **options), or is a command of piv where `piv`.
     outputs: patterns of files; the next stages read the first. folders: linked whole into an equal
     run. sections: keys of the scene that the result depends on, True for all; coupled: those that
-    it also depends on in a coupled run. version: a new one makes results stale. cost: CPU seconds
-    and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by bending state.
+    it also depends on in a coupled run. version: a new one makes results stale; coupled_version
+    is added in a coupled run. cost: CPU seconds and memory (MB) of single_finger at level coarse,
+    measured; of fea CPU seconds by bending state.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Stage:
     sections: dict[str, Any] = field(default_factory=dict)
     coupled: dict[str, Any] = field(default_factory=dict)
     version: int = 1
+    coupled_version: int = 0
     group: str = ""
     piv: bool = False
     folders: tuple[str, ...] = ()
@@ -74,7 +76,7 @@ STAGES = (
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(1, 500), temporary=True,
+        folders=("case",), cost=(1, 500), temporary=True, coupled_version=1,
     ),
     Stage(
         "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",

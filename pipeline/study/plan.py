@@ -105,24 +105,30 @@ def _add_jobs(
         inputs = [name for name in before if name in jobs] + [first] * (first != record)
         ranks = about["ranks"] if BY_NAME[stage].ranks else 1
         threads = _THREADS if BY_NAME[stage].threads else ranks
-        job = _job(about["run"], stage, digest, ranks, *estimate(run, stage))
+        job = _job(about["run"], stage, digest, ranks, *_cost(run, stage, ranks))
         jobs[record] = job | {"inputs": inputs, "threads": threads}
 
 
 def _outcome_job(about: dict[str, Any]) -> dict[str, Any]:
     try:
         run = run_of(about)
-        costs = [estimate(run, stage) for stage in run.stale(about["until"])]
+        costs = [_cost(run, stage, about["ranks"]) for stage in run.stale(about["until"])]
     except StageError:
         costs = []  # its outcome is a refusal
     seconds, memory = sum(cost[0] for cost in costs), max([0.0, *(cost[1] for cost in costs)])
     return _job(about["run"], OUTCOME, outcome_digest(about), about["ranks"], seconds, memory)
 
 
+def _cost(run: Run, stage: str, ranks: int) -> tuple[float, float]:
+    """Wall time (s) and memory (MB) of a stage, which only the solver's shares among ranks."""
+    seconds, memory = estimate(run, stage)
+    return seconds / (ranks if BY_NAME[stage].ranks else 1), memory
+
+
 def _job(
     name: str, stage: str, digest: str, ranks: int, seconds: float, memory: float
 ) -> dict[str, Any]:
-    """A job of Snakemake: a stage of the run `name`; `seconds` of CPU time, `memory` in MB."""
+    """A job of Snakemake: a stage of the run `name`; `seconds` of wall time, `memory` in MB."""
     return {
         "run": name,
         "stage": stage,
@@ -130,7 +136,7 @@ def _job(
         "inputs": [],
         "ranks": ranks,
         "threads": ranks,
-        "minutes": max(_LEAST_MINUTES, round(_MARGIN * seconds / ranks / 60)),
+        "minutes": max(_LEAST_MINUTES, round(_MARGIN * seconds / 60)),
         "memory_mb": max(_LEAST_MB, round(_MARGIN * memory)),
     }
 

@@ -220,7 +220,7 @@ def write(docs: Path) -> None:
     head = (Path(__file__).parent / "page_head.md").read_text(encoding="utf-8")
     text = [head, *runs_part(runs), *images_part(images), *faults_part(folder)]
     versions = ", ".join(f"{name} {number}" for name, number in made["versions"].items())
-    text.append(f"Made on {made['date']} with {versions}.\n")
+    text.append(f"Runs made on {made['date']} with {versions}.\n")
     write_text(docs / "stability.md", "\n".join(text))
 
 

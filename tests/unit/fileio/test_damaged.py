@@ -12,7 +12,7 @@ from fileio.formats.mesh_intervals import Interval
 from fileio.formats.plane_series import make_plane
 from fileio.hdf5 import open_netcdf
 from pipeline.kinematics.recorded_motion import recorded_law
-from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface
+from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface, wall_forces
 from pipeline.run.checkpoint import STATE, first_damaged, prepared_for
 from pipeline.run.solver import PROGRESS, has_ended, read_progress
 from piv.images.open_recording import open_recording
@@ -60,6 +60,13 @@ def test_a_sample_is_whole_or_cut_off(tmp_path):
         assert not is_whole_vtk(path), size
     with pytest.raises(StageError, match="cut off, as by a full disk; run make again"):
         read_surface(path)
+
+
+def test_wall_forces_of_another_layout_are_refused(tmp_path):
+    path = tmp_path / "a.vtk"
+    path.write_bytes(surface([1.0, 2.0, 3.0]).replace(b"Version 2.0", b"Version 5.1"))
+    with pytest.raises(StageError, match=r"a\.vtk: not of VTK format version 2\.0"):
+        wall_forces(path, 1000.0)
 
 
 @pytest.mark.parametrize("count", [b"-9", b"9" * 30, b"x"])

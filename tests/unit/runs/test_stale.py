@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
+from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import STAGES
 from pipeline.scene.read_toml import FILE_KEYS
@@ -146,6 +147,16 @@ def test_overrides_are_the_scene_with_another_number(tmp_path) -> None:
     assert run.out == tmp_path / "place"
     assert run.digest("sheet") == Run(other).digest("sheet")
     assert run.digest("kinematics") == Run(scene).digest("kinematics")
+
+
+def test_a_coupled_run_has_versions_and_costs_of_its_own(tmp_path) -> None:
+    """A new coupling makes no prescribed run stale."""
+    plain = Run(scenes()["single_finger"])
+    coupled = open_run(plain.scene.folder, "coarse", {"motion.source": "structure"}, tmp_path)
+    assert coupled.made_from("case")["version"] > plain.made_from("case")["version"]
+    empty = open_run(plain.scene.folder, "coarse", {}, tmp_path)
+    # docs/coupling.md has 1.3 to 1.9
+    assert 1.3 < estimate(coupled, "run")[0] / estimate(empty, "run")[0] < 1.9
 
 
 def test_ranks_count_where_a_study_compares_them() -> None:

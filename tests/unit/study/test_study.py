@@ -85,6 +85,13 @@ def test_only_some_runs_are_planned_and_an_unknown_one_is_refused(tmp_path: Path
         planned(scene.folder, rows, "c")
 
 
+def test_only_the_solver_is_faster_by_more_ranks(tmp_path: Path) -> None:
+    """The other stages of a run that may fail take their time, more than the least of 5 minutes."""
+    scene = write_scene(tmp_path / "small")
+    (job,) = planned(scene.folder, "a, tiny, report, 100, yes, , , \n")["jobs"].values()
+    assert job["minutes"] > 5
+
+
 def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
     """A run with another actuator has states of its own, which its motion waits for."""
     path = tmp_path / "s.csv"
