@@ -44,10 +44,11 @@ moment_share?  -  1  coupled: largest moment on a joint over that of the table i
 contact_force?  -  N  coupled: median force on a whole finger while its tip touches; else 0
 first_order?  -  1  coupled: 1: the loads were continued to first order
 """),
+    version=2,
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
-_DAMPING = " Its overshoot depends on structure.damping, whose default of 4 ms is an assumption."
+_DAMPING = " The overshoot depends on structure.damping."
 
 
 def motion_sentence(values: Mapping[str, Any]) -> str:

@@ -122,7 +122,7 @@ STAGES = (
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
         ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        version=4,
+        version=5,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
