@@ -28,8 +28,8 @@ _LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     """Grey values (float32) to subtract, 0 where nothing is static, and saturated pixels (bool).
 
-    None where it would not pay: nothing is static, most of the picture is, fewer than LEAST_FRAMES
-    frames or CELL px.
+    None where it would not pay: nothing is static, most of the picture is, fewer than
+    _LEAST_FRAMES frames or CELL px.
     """
     if len(recording) < _LEAST_FRAMES or min(recording.shape) < CELL:
         return None

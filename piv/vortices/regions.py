@@ -222,7 +222,7 @@ def _criteria(p: Plane, scale: float, box, noise: tuple[ndarray, ndarray] | None
 def _stands_out(
     c: _Criteria, mask: ndarray, step: tuple[float, float], scale: float, s: VortexSettings
 ) -> bool:
-    """Whether a region is a vortex and no layer: see `find_regions`."""
+    """Whether a region has the edge, centroid and length of a vortex: see `find_regions`."""
     j, i = np.nonzero(mask)
     weight = c.omega[mask]
     edge = (cv2.dilate(mask.astype(np.uint8), _CROSS) > 0) & ~mask & c.known

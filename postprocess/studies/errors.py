@@ -73,7 +73,7 @@ def _thinned(plane: xr.Dataset, window: tuple[float, float]) -> xr.Dataset:
 
 
 def near_tip_error(reference: xr.Dataset, other: xr.Dataset) -> float:
-    """RMS of the vector difference within NEAR_TIP of the tip over the reference's RMS there."""
+    """RMS of the vector difference within _NEAR_TIP of the tip over the reference's there."""
     reach = _NEAR_TIP * float(reference.attrs["tip_width"])
     sums = fields.field_sums(reference, other, reach)
     return float(np.sqrt(sums["difference2"].sum() / sums["reference2"].sum()))
