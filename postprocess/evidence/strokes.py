@@ -22,14 +22,14 @@ def stroke_window(
     """Instants (s) at which the `progress` has done the fractions `part` of its largest change.
 
     time (n) in s, done (n) in rad or m. Half of a stroke's time lies in its last degrees, so the
-    fractions are of bend. ValueError where nothing moves.
+    fractions are of bend. ValueError where nothing moves, or without an instant.
     """
-    change = done - done[0]
-    end = int(np.argmax(np.abs(change)))
-    if abs(change[end]) < REST:
+    if done.size == 0 or np.ptp(done) < REST:
         raise ValueError(
             "the finger does not move, so its stroke has no middle; check kinematics.h5"
         )
+    change = done - done[0]
+    end = int(np.argmax(np.abs(change)))
     share = np.maximum.accumulate(change[: end + 1] / change[end])
     rising = np.concatenate([[True], np.diff(share) > 0])
     edges = np.interp(part, share[rising], time[: end + 1][rising])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,9 +35,12 @@ def tip_vortices(
     if plane.sizes["finger"] < 2:
         windows, edges = [middle], [-np.inf, np.inf]
         if len(clock.starts) > 1:
-            parts = [Window("part", MIDDLE, k) for k in range(len(clock.starts))]
-            windows = [interval(part, clock) for part in parts]
-            edges[1:1] = clock.starts[1:]  # each stroke's vortex until the next stroke
+            known = {}
+            for k, start in enumerate(clock.starts):
+                with suppress(ValueError):  # it begins after the end, or nothing moves
+                    known[start] = interval(Window("part", MIDDLE, k), clock)
+            windows = [*known.values()]
+            edges[1:1] = [*known][1:]  # each stroke's vortex until the next stroke
         found: Tracks = {}
         for window, first, last in zip(windows, edges[:-1], edges[1:], strict=True):
             for source, rows in tracks.dominant_tracks(tables, 0, window).items():

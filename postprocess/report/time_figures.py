@@ -48,9 +48,10 @@ def timeline(
         panels.append(("PIV less CFD,\n% of tip speed", [Curve(series["time"], strays, "", PIV)]))
     texts = [_values(panels, time) for time in flow.film_times()]
     alt = "Motion, circulation of the tip vortex, force and difference of PIV and CFD over time."
+    not_judged = "What lies outside it, or has a band (95 %) of more than ±10 %, is not judged. "
     caption = (
-        "Shaded: the middle of the stroke. What lies outside it, or has a band (95 %) of more than"
-        " ±10 %, is not judged. Good: in it the two curves of the circulation lie on each other."
+        f"Shaded: the middle of the stroke. {not_judged * (flow.clock.gap is None)}"
+        "Good: in it the two curves of the circulation lie on each other."
     )
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures

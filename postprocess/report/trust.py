@@ -51,11 +51,13 @@ def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[
     shown = {name: quantity(float(row[name]), "fraction") for name in known}
     rest = ", ".join(f"{words} {shown[name]}" for name, words in known.items() if name != worst)
     against = (
-        "extrapolated from the level below"
-        if level == best["level"]
-        else f"against level {best['level']}, the finest that was run, whose own error is estimated"
+        f"against level {best['level']}, the finest that was run, whose own error is estimated"
         f" at {quantity(float(best['error']), 'fraction')}"
     )
+    if level == best["level"]:
+        against = "extrapolated from the level below"
+    elif level == "smoke":  # a table that was renewed in part has it against another level
+        against = "against a finer level"
     near = ""
     if pd.notna(row.get("error_near_tip")):
         share = quantity(float(row["error_near_tip"]), "fraction")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from fileio.formats.plane_series import make_plane
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
@@ -78,14 +79,22 @@ def test_no_mark_in_a_hole_of_the_vectors():
     assert (drawn[1] != drawn[2]).any()
 
 
-def test_each_stroke_shows_the_vortex_of_its_own():
+@pytest.mark.parametrize(
+    "back, starts, last",
+    [
+        (2.0, (0.0, 0.5), 2),  # there and back
+        (2.0, (0.0, 0.5, 1.2), 2),  # a stroke that begins after the end
+        (0.0, (0.0, 0.5), 1),  # a stroke to the same pressure
+    ],
+)
+def test_each_stroke_that_moves_shows_the_vortex_of_its_own(back, starts, last):
     time = np.linspace(0.0, 1.0, 101)
-    bend = np.where(time < 0.5, 2 * time, 2 - 2 * time)  # there and back
-    clock = Clock(time, bend, starts=(0.0, 0.5))
+    bend = np.where(time < 0.5, 2 * time, 1 - back * (time - 0.5))
+    clock = Clock(time, bend, starts=starts)
     rows = {"x": 0.0, "y": 0.0, "radius": 0.01, "finger": 0, "side": "", "tip_distance": 1.0}
     first = pd.DataFrame({"time": time, "track": 1, "circulation": -2.0} | rows)
     second = pd.DataFrame({"time": time[40:], "track": 2, "circulation": 3.0} | rows)
     table = pd.concat([first, second], ignore_index=True)
     (shown,) = tip_vortices(plane_of([0.0, 40.0]), {"cfd": table}, clock, (0.6, 0.9))["cfd"]
-    assert (shown["track"] == np.where(shown["time"] < 0.5 - 1e-9, 1, 2)).all()
+    assert (shown["track"] == np.where(shown["time"] < 0.5 - 1e-9, 1, last)).all()
     assert len(shown) == 101

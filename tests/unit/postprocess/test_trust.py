@@ -65,7 +65,7 @@ def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
 
 def test_smoke_is_a_trial_also_of_a_scene_that_extends_the_measured_one(scene, tmp_path):
     sentence, trial = level_error([tmp_path / "child", scene], "smoke")
-    assert sentence.endswith("on scene finger.")
+    assert sentence.endswith(": against a finer level, on scene finger.")
     assert trial.endswith("wrong by up to 172\u00a0% on scene finger")
 
 
