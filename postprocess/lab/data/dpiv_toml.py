@@ -39,7 +39,7 @@ class Scale(Table):
     """One of two: a number, or a calibration of `piv calibrate`."""
 
     scale_mm_per_px: Positive | None = None
-    """Size of a pixel in the light sheet [mm/px]"""
+    """Size of a pixel in the light sheet; of pictures calibration may replace it [mm/px]"""
     calibration: str | None = None
     """File of piv calibrate, in its place"""
     std_percent: Positive
@@ -111,7 +111,7 @@ class Dpiv(Table):
     kind: Literal["pictures", "vectors"]
     """Pictures, or vectors without them"""
     files: str | tuple[str, ...]
-    """A pattern or a list of paths, relative to this file"""
+    """A pattern or a list of paths, relative to this file; vectors are one file"""
     frame_rate_hz: Positive
     """Pictures per second; pairs of pairing "1-2,3-4", fields of vectors [Hz]"""
     start: Start | Literal["from motion"]
@@ -178,7 +178,7 @@ def read_dpiv(path: Path) -> Dpiv:
             parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
             place = tuple(parts)
             if one["type"] == "missing":
-                missing.insert(0, ".".join(map(str, place)))
+                missing.insert(0, ".".join(part for part in place if isinstance(part, str)))
             else:
                 wrong += complaints([one | {"loc": place}], Dpiv)
     needs = [f"{key.name} is missing: {key.meaning} ({key.type})" for key in _asked(missing)]

@@ -23,12 +23,14 @@ def vectors_view(dpiv: Dpiv) -> tuple[tuple[float, float], tuple[float, float]]:
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """A plane series in stated metres, y up, times from the first instant."""
-    path = Path(str(dpiv.sources()))
+    sources = dpiv.sources()
+    path = Path(sources if isinstance(sources, str) else ", ".join(sources))
     plane = read_own(path) if path.is_file() else None
     if plane is None:
+        why = "is no series of vectors" if path.exists() else "is missing (vectors are one file)"
         raise StageError(
-            f"{path}: is no series of vectors of this project; make one of your files by piv"
-            f' convert FILES -o vectors.h5, and state files = "vectors.h5" in {NAME}'
+            f"{path}: {why}; make one of your files by piv convert FILES -o vectors.h5, and state"
+            f' files = "vectors.h5" in {NAME}'
         )
     if plane["x"].attrs.get("units") == "px":  # as piv correlate writes it without a calibration
         rate = None if plane["time"].attrs.get("units") == "s" else dpiv.frame_rate_hz

@@ -55,6 +55,8 @@ def test_each_missing_key_is_asked_for(tmp_path, key):
             "or calibration",
         ),
         (", root_px = [640.0, 950.0]", "", "axes.root_px is missing"),
+        ("[640.0, 950.0]", "[640.0]", "axes.root_px is missing"),
+        ("scale_mm_per_px = 0.125, ", "", "scale_mm_per_px is missing: .* calibration"),
         ('"1-2,2-3"', '"1-2,3-4"', "interval_s"),
         (', pairing = "1-2,2-3"', "", "piv.pairing is missing: Of pictures: each with"),
         ('kind = "pictures"', 'kind = "vectors"', "piv.interval_s is missing"),

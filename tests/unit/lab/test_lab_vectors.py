@@ -33,10 +33,15 @@ def in_px(plane: xr.Dataset) -> xr.Dataset:
     return out
 
 
-@pytest.mark.parametrize("written", [series, lambda: in_px(series())], ids=["m", "px"])
-def test_vectors_come_back_in_metres(tmp_path, written):
-    plane = series()
-    back = lab_vectors(read_dpiv(state_vectors(written(), tmp_path)))
+@pytest.mark.parametrize(
+    "written, files",
+    [(series, '"v.h5"'), (lambda: in_px(series()), '["v.h5"]')],
+    ids=["m", "px, a list of one file"],
+)
+def test_vectors_come_back_in_metres(tmp_path, written, files):
+    plane, path = series(), state_vectors(written(), tmp_path) / "dpiv.toml"
+    path.write_text(path.read_text().replace('"v.h5"', files))
+    back = lab_vectors(read_dpiv(tmp_path))
     for name in ("u", "v"):
         np.testing.assert_allclose(back[name].values, plane[name].values, atol=2e-6)
     for name in ("x", "y"):
@@ -52,6 +57,9 @@ def test_vectors_come_back_in_metres(tmp_path, written):
         ("frame_rate_hz = 100.0", "frame_rate_hz = 500.0", r"is 500, but .* 100 fields per second"),
         ('y = "up"', 'y = "down"', 'state y = "up"'),
         ("vectors = { std_px = 0.05 }", "", r"give vectors\.std_px"),
+        ('"v.h5"', '"dpiv.toml"', "is no series of vectors; "),
+        ('"v.h5"', '"w.h5"', r"w\.h5: is missing"),
+        ('"v.h5"', '["v.h5", "w.h5"]', "vectors are one file"),
         ('"v.h5"', '"v*.dat"', r"piv convert FILES -o vectors\.h5"),
     ],
 )
