@@ -183,17 +183,18 @@ def make_sheet(
 
     The record lies beside the file.
     """
-    about = {"digest": digest([run.digest("sheet"), view, most])}
-    record = read_record(path.parent, path.stem)
-    same = record is not None and record["digest"] == about["digest"]
-    if record and same and not changed_outputs(path.parent, record):
-        return
     from pipeline.sheet import run as sample
 
+    about = {"digest": digest([run.digest("sheet"), view, most])}
     path.parent.mkdir(parents=True, exist_ok=True)
-    record_path(path.parent, path.stem).unlink(missing_ok=True)
-    sample(run.scene, quiet, view, path, most)
-    write_record(path.parent, path.stem, about, [path])
+    with exclusive(path):
+        record = read_record(path.parent, path.stem)
+        same = record is not None and record["digest"] == about["digest"]
+        if record and same and not changed_outputs(path.parent, record):
+            return
+        record_path(path.parent, path.stem).unlink(missing_ok=True)
+        sample(run.scene, quiet, view, path, most)
+        write_record(path.parent, path.stem, about, [path])
 
 
 def _check_inputs(run: Run, step: Stage) -> None:

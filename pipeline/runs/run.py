@@ -196,6 +196,12 @@ def _view(scene: Scene) -> dict[str, Any]:
         return {}  # `Run.check` says why
 
 
+def single_finger_out(pinch: Scene) -> Path:
+    """Folder of the results of the single finger that a pinch extends, moved as the pinch is."""
+    out = pinch.parents[-1] / "out" / pinch.level
+    return out / "coupled" if pinch.coupled else out
+
+
 def run_of(row: Mapping[str, Any]) -> Run:
     """The run that a row of a study's plan describes."""
     out, ranks = Path(row["out"]), row["compared_ranks"]
@@ -276,7 +282,7 @@ def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
     if stage.name == "compare":
         files = {path.name: path for path in (scene.folder / "reference").glob("*.toml")}
         if scene.pinch is not None and scene.parents:  # compared with the single finger
-            beside = scene.parents[-1] / "out" / scene.level
+            beside = single_finger_out(scene)
             files |= {path.name: path for path in beside.glob("vortices_*.csv")}
             files["sheet"] = record_path(beside, "sheet")
         return files

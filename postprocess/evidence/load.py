@@ -10,7 +10,7 @@ import xarray as xr
 
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.plane_series import read_plane
-from pipeline.runs.run import open_run
+from pipeline.runs.run import open_run, single_finger_out
 from pipeline.scene.scene import Scene
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
@@ -69,9 +69,8 @@ def single_finger(pinch: Scene) -> tuple[dict[str, pd.DataFrame], str]:
     if not pinch.parents:
         return {}, "the scene extends no scene of a single finger, so nothing is compared with one"
     folder, level = pinch.parents[-1], pinch.level
-    alone = open_run(folder, level)
-    if pinch.coupled:
-        alone = open_run(folder, level, {"motion.source": "structure"}, alone.out / "coupled")
+    moved = {"motion.source": "structure"} if pinch.coupled else {}
+    alone = open_run(folder, level, moved, single_finger_out(pinch))
     tables = {}
     for source in FILES:
         # a stale table is that of another motion

@@ -16,7 +16,7 @@ from fileio.errors import StageError
 from fileio.formats.kinematics import read_kinematics
 from fileio.lock import exclusive
 from fileio.record import read_record, record_path, write_record
-from pipeline.runs.make import LOG, Machine, _expected, make, make_stage
+from pipeline.runs.make import LOG, Machine, _expected, make, make_sheet, make_stage
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import STAGES
 from tests.conftest import ROOT, write_scene
@@ -35,6 +35,13 @@ def run(tmp_path: Path) -> Run:
 def again(run: Run, **values) -> Run:
     """The run of the scene's folder as it is now, with overrides."""
     return open_run(run.scene.folder, "tiny", values, run.out)
+
+
+def test_a_sheet_that_runs_share_has_one_writer(run: Run) -> None:
+    """Recordings of one set-up share the sheet over their view."""
+    path = run.out / "lab.h5"
+    with exclusive(path), pytest.raises(BlockingIOError):
+        make_sheet(run, (-0.1, 0.1, 0.0, 0.2), path, quiet=True)
 
 
 def test_nothing_is_made_twice(run: Run) -> None:

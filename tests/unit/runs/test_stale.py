@@ -159,6 +159,21 @@ def test_a_coupled_run_has_versions_and_costs_of_its_own(tmp_path) -> None:
     assert 1.3 < estimate(coupled, "run")[0] / estimate(empty, "run")[0] < 1.9
 
 
+def test_a_pinch_is_compared_with_the_single_finger_that_moves_as_it_does(tmp_path) -> None:
+    """Of a coupled pinch the coupled one counts, of another the other."""
+    law = scenes()["pinch"].model_copy(update={"parents": (tmp_path,)})
+    motion = law.motion.model_copy(update={"source": "structure"})
+    coupled = law.model_copy(update={"motion": motion})
+    out = tmp_path / "out" / law.level
+    for scene, beside in ((law, out), (coupled, out / "coupled")):
+        before = [Run(one).digest("compare") for one in (law, coupled)]
+        beside.mkdir(parents=True)
+        (beside / "vortices_cfd.csv").write_text("time\n")
+        after = [Run(one).digest("compare") for one in (law, coupled)]
+        changes = [old != new for old, new in zip(before, after, strict=True)]
+        assert changes == [scene is law, scene is coupled]
+
+
 def test_ranks_count_where_a_study_compares_them() -> None:
     """Then the solver's result and all that is made of it differ; without them none does."""
     scene = scenes()["single_finger"]
