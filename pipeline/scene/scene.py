@@ -135,7 +135,7 @@ class Scene(Section):
         """Warnings about a scene that is valid but may not be as its author thinks."""
         remarks, motion = list(self.notes), self.motion
         above = self.finger.root[1] - self.finger.length - self.finger.tip.length
-        if self.body is None and above < _PAPER_CLEARANCE:
+        if self.body is None and above < _PAPER_CLEARANCE - 1e-6:
             remarks.append(
                 f"warning: finger.root = {list(self.finger.root)} leaves the straight finger"
                 f" {above:.3g} m above the bottom, less than the experiment's {_PAPER_CLEARANCE:g}"
