@@ -190,7 +190,8 @@ def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
     ],
 )
 def test_what_is_implausible_is_named(kinematics, change, edge_px, message):
-    stated, known = poses(kinematics)[0], Known(scale_std=0.01)
+    stated = poses(kinematics)[0]
+    known = Known(stated, scale_std=0.01)
     assert check_priors(at(kinematics, stated), known) == []
     [sentence] = check_priors(at(kinematics, replace(stated, **change), edge_px), known)
     assert message in sentence
