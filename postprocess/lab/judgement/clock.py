@@ -12,7 +12,9 @@ from postprocess.lab.data.files import Registration
 from postprocess.lab.judgement.case import Sides
 from postprocess.lab.registration.register import law_pressure
 
-CLEARLY = 1.15  # ratio, either way, from which a stated rate or interval is wrong
+# Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
+# shorter than the simulation's reach 1.19 (docs/record/laboratory_blind.csv, seeds 246, 256, 266).
+CLEARLY = 1.25
 STEP = 1e-3  # s, over which the outline's velocity is taken
 
 
