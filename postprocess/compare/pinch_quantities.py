@@ -78,13 +78,19 @@ def _ventral(part: Part) -> pd.DataFrame:
 
 
 def _forming_gap(part: Part) -> float:
-    """The gap (m) that is still to close when the ventral pair forms."""
+    """The gap (m) that is still to close when the ventral pair forms; 0 from contact on."""
     plane, clock = part.evidence.planes[part.of], part.evidence.clock
     times = plane["time"].values
     times = times[(times >= part.window[0]) & (times <= part.window[1])]
     at = formed(times, _ventral(part), plane.attrs["tip_width"])
     if at is None:
-        raise ValueError(f"{part.of}: the pair on the ventral side never lasts {part.words()}")
+        raise ValueError(
+            f"{part.of}: the pair on the ventral side never lasts, or is older than the first"
+            f" instant, {part.words()}"
+        )
+    met = clock.met()
+    if met is not None and at >= met:
+        return 0.0  # tips that rebound open the gap again
     return float(clock.gap_at(np.array([at]))[0]) - clock.residual_gap
 
 

@@ -72,7 +72,7 @@ def vortex_of(integrals: pd.DataFrame, side: str, flow: str, finger: int) -> pd.
 def formed(times: np.ndarray, pair: pd.DataFrame, width: float) -> float | None:
     """The first of `times` (n, s) from which a pair is there at every instant for 20 ms, or None.
 
-    One that moves by a tip `width` (m) or more between two instants is another pair.
+    None, too, of a pair that is there at the first instant: when it formed is not known. One that moves by a tip `width` (m) or more between two instants is another pair.
     """
     at = pair.set_index("time").reindex(times)
     moved = np.hypot(at["x"].diff(), at["y"].diff())
@@ -80,5 +80,5 @@ def formed(times: np.ndarray, pair: pd.DataFrame, width: float) -> float | None:
     for time, there, step in zip(times, at["x"].notna(), moved, strict=True):
         start = None if not there else time if start is None or step >= width else start
         if start is not None and time - start >= _LASTS - 1e-9:
-            return float(start)
+            return float(start) if start > times[0] else None
     return None

@@ -70,8 +70,10 @@ def carried(time: np.ndarray, y: np.ndarray, v: np.ndarray, start: np.ndarray) -
     return at
 
 
-def lift(evidence: Evidence, width: float, density: float, viscosity: float) -> dict[str, float]:
-    """What the flow between the fingers lifts; `width` of a finger across the sheet (m).
+def lift(
+    evidence: Evidence, met: float, width: float, density: float, viscosity: float
+) -> dict[str, float]:
+    """What the flow between fingers lifts that meet at `met` (s); `width` across the sheet (m).
 
     `flux_*` (N): ρ ∫ v |v| over the level surface between the fingers, a tip width above the tips,
     means over the approach and after contact. `excess_*`: the same means of `held_excess` on x = 0,
@@ -80,8 +82,7 @@ def lift(evidence: Evidence, width: float, density: float, viscosity: float) -> 
     """
     plane, clock = evidence.planes["cfd"], evidence.clock
     x, y, times = (plane[name].values for name in ("x", "y", "time"))
-    met, size = clock.met(), float(plane.attrs["tip_width"])
-    assert met is not None
+    size = float(plane.attrs["tip_width"])
     begin, near = (gap_reached(clock, gap) for gap in APPROACH)
     used = np.flatnonzero((times >= begin) & (times <= met + LATE))
     tips = plane["tip"].values[used, :, 1].mean(axis=1)
@@ -107,10 +108,10 @@ def lift(evidence: Evidence, width: float, density: float, viscosity: float) -> 
     return out | {"rise": float(rise.max())}
 
 
-def rows_of(name: str, run: Run, evidence: Evidence) -> pd.DataFrame:
-    """A run's findings of the CFD and its numbers, a row each."""
+def head_of(name: str, run: Run) -> dict[str, Any]:
+    """What a row is of."""
     record = RUN.read(run.out / "run" / "run.json")
-    head: dict[str, Any] = {
+    return {
         "run": name,
         "change": "; ".join(f"{k} = {v}" for k, v in run.overrides.items()) or "as it is",
         **{key: record[key] for key in ("model", "cells", "steps")},
@@ -118,6 +119,11 @@ def rows_of(name: str, run: Run, evidence: Evidence) -> pd.DataFrame:
         "measured_on": datetime.now(UTC).date().isoformat(),
         "openfoam": record["versions"]["OpenFOAM"],
     }
+
+
+def rows_of(name: str, run: Run, evidence: Evidence) -> pd.DataFrame:
+    """A run's findings of the CFD and its numbers, a row each."""
+    head = head_of(name, run)
     findings = read_findings(HOME / "reference" / "findings.toml", frozenset(QUANTITIES))
     checks = [judge(f, evidence) for f in findings if f.kind == "paper" and "cfd" in f.of]
     rows = [
@@ -140,9 +146,11 @@ def main() -> None:
             continue
         evidence = load_evidence(StageFiles(run.scene))
         tables["variations"].append(rows_of(row.run, run, evidence))
-        fluid = run.scene.fluid
-        lifted = lift(evidence, run.scene.finger.width, fluid.density, fluid.kinematic_viscosity)
-        tables["lift"].append(pd.DataFrame([{"run": row.run} | lifted]))
+        met, fluid = evidence.clock.met(), run.scene.fluid
+        if met is not None:
+            water = fluid.density, fluid.kinematic_viscosity
+            lifted = lift(evidence, met, run.scene.finger.width, *water)
+            tables["lift"].append(pd.DataFrame([head_of(row.run, run) | lifted]))
         print(row.run, flush=True)
     for name, parts in tables.items():
         path = RECORD / f"pinch_{name}.csv"

@@ -27,7 +27,7 @@ def vortices(side, flow, circulation, y, kept=slice(None)):
     ]
 
 
-def measure(name, rows, finger=0):
+def measure(name, rows, finger=0, gap=None):
     """By tips that stand still at 0.18 m and look down with their dorsal side."""
     still = np.broadcast_to([[0.0, 0.18], [0.0, 0.18]], (11, 2, 2))
     down = np.broadcast_to([[0.0, -1.0], [0.0, -1.0]], (11, 2, 2))
@@ -38,7 +38,7 @@ def measure(name, rows, finger=0):
         {"cfd": plane.assign_attrs(tip_width=WIDTH)},
         {},
         0.3,
-        Clock(TIME, TIME),
+        Clock(TIME, TIME, TIME, gap),
         integrals={"cfd": table},
     )
     return PINCH_QUANTITIES[name].measure(Part(evidence, "cfd", WINDOW, finger))
@@ -62,6 +62,16 @@ def test_what_jumps_or_is_hardly_there_is_not_followed():
         measure("vortex_descent", vortices("dorsal", "downward", 1e-2, SINKS, slice(5)))
     with pytest.raises(ValueError, match=r"finger 0 is there for 0.000 s"):
         measure("vortex_descent", vortices("ventral", "upward", 1e-2, SINKS))
+
+
+def test_a_pair_forms_before_contact_or_not_also_where_the_tips_rebound():
+    """They meet at 0.23 s, to within a gap of 0.1 mm, and spring back."""
+    gap = np.abs(TIME - 0.23) * 0.1
+    ventral = vortices("ventral", "upward", 1e-2, 0.2)
+    assert measure("ventral_pair_gap", ventral[4:], gap=gap) == pytest.approx(0.001)
+    assert measure("ventral_pair_gap", ventral[12:], gap=gap) == 0.0
+    with pytest.raises(ValueError, match="is older than the first instant"):
+        measure("ventral_pair_gap", ventral, gap=gap)
 
 
 def test_the_side_is_that_of_the_strongest():
