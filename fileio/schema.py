@@ -171,7 +171,11 @@ class JsonFormat:
     def write(self, path: Path, content: Mapping[str, Any]) -> None:
         """Write a file whole or not at all; ValueError for a NaN or infinite number."""
         whole = {"format": self.format, "format_version": self.version, **content}
-        write_text(path, json.dumps(whole, indent=1, allow_nan=False, default=plain) + "\n")
+        try:
+            text = json.dumps(whole, indent=1, allow_nan=False, default=plain)
+        except ValueError as error:
+            raise ValueError(f"{path} cannot hold a result that is no number: {error}") from error
+        write_text(path, text + "\n")
 
     def read(self, path: Path) -> dict[str, Any]:
         """The object; StageError where it is damaged, or of another format or version."""

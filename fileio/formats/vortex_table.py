@@ -35,7 +35,7 @@ def write_vortices(table: pd.DataFrame, path: str | Path, **settings: Any) -> No
 
 
 def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.DataFrame:
-    """Read a table of vortices of any program; ValueError where `needed` columns are missing."""
+    """Read a table of vortices of any program; ValueError where `needed` columns lack numbers."""
     check_whole(path)
     with open(path, encoding="utf-8") as file:
         head = file.readline()
@@ -50,4 +50,8 @@ def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.Data
         raise ValueError(
             f"{path}: not a table of vortices, it has no column {missing[0]!r}; {REMEDY}"
         )
+    for name in needed:
+        if name != "time" and table[name].isna().any():  # one plane may have no time
+            line = int(table[name].isna().to_numpy().argmax()) + 1
+            raise ValueError(f"{path}: row {line} has no number in {name!r}; {REMEDY}")
     return table

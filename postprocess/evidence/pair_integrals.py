@@ -72,7 +72,8 @@ def vortex_of(integrals: pd.DataFrame, side: str, flow: str, finger: int) -> pd.
 def formed(times: np.ndarray, pair: pd.DataFrame, width: float) -> float | None:
     """The first of `times` (n, s) from which a pair is there at every instant for 20 ms, or None.
 
-    None, too, of a pair that is there at the first instant: when it formed is not known. One that moves by a tip `width` (m) or more between two instants is another pair.
+    None, too, of a pair that is there at the first instant: when it formed is not known.
+    One that moves by a tip `width` (m) or more between two instants is another pair.
     """
     at = pair.set_index("time").reindex(times)
     moved = np.hypot(at["x"].diff(), at["y"].diff())

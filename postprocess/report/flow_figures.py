@@ -33,16 +33,14 @@ def tip_vortices(
 ) -> Tracks:
     """By source each finger's vortex: the dominant one of each stroke, or of a pinch the pair."""
     if plane.sizes["finger"] < 2:
-        windows, edges = [middle], [-np.inf, np.inf]
-        if len(clock.starts) > 1:
-            known = {}
-            for k, start in enumerate(clock.starts):
-                with suppress(ValueError):  # it begins after the end, or nothing moves
-                    known[start] = interval(Window("part", MIDDLE, k), clock)
-            windows = [*known.values()]
-            edges[1:1] = [*known][1:]  # each stroke's vortex until the next stroke
+        known = {}
+        for k, start in enumerate(clock.starts if len(clock.starts) > 1 else ()):
+            with suppress(ValueError):  # it begins after the end, or nothing moves
+                known[start] = interval(Window("part", MIDDLE, k), clock)
+        known = known or {-np.inf: middle}
+        edges = [-np.inf, *[*known][1:], np.inf]  # each stroke's vortex until the next stroke
         found: Tracks = {}
-        for window, first, last in zip(windows, edges[:-1], edges[1:], strict=True):
+        for window, first, last in zip(known.values(), edges[:-1], edges[1:], strict=True):
             for source, rows in tracks.dominant_tracks(tables, 0, window).items():
                 during = rows[rows["time"].between(first, last, inclusive="left")]
                 found.setdefault(source, []).append(during)

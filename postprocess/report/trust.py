@@ -56,8 +56,8 @@ def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[
     )
     if level == best["level"]:
         against = "extrapolated from the level below"
-    elif level == "smoke":  # a table that was renewed in part has it against another level
-        against = "against a finer level"
+    elif pd.notna(row.get("reference")):  # of a row that was renewed alone
+        against = f"against level {row['reference']}"
     near = ""
     if pd.notna(row.get("error_near_tip")):
         share = quantity(float(row["error_near_tip"]), "fraction")

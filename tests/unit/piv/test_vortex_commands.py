@@ -103,3 +103,10 @@ def test_render_writes_recording_and_truth(tmp_path):
     # at mid-times, in the middle between two frames' vortices; the frame interval's curvature moves
     # it by micrometres
     np.testing.assert_allclose(table["x_fit"], 0.0181 + 2e-4 * np.arange(4), atol=2e-5)
+
+
+def test_a_row_without_a_number_is_refused_by_its_line(tmp_path):
+    path = tmp_path / "v.csv"
+    path.write_text("time,x,y,circulation,radius\n0,1,1,2,1\n1,1,1,,1\n")
+    with pytest.raises(ValueError, match=r"v\.csv: row 2 has no number in 'circulation'"):
+        read_vortices(path)

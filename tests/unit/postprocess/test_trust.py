@@ -10,9 +10,9 @@ from postprocess.report.wording import power_sentence
 from tests.conftest import ROOT
 
 TABLE = """# {"format": "tradeoff"}
-run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip
+run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip,reference
 fine,fine,flow,600000,0.06,0.03,0.06,0.02,0.04,
-smoke,smoke,flow,3000,1.718,0.88,0.2,0.19,1.718,
+smoke,smoke,flow,3000,1.718,0.88,0.2,0.19,1.718,,,medium
 draft,draft,flow,30000,0.142,0.142,0.1,0.04,0.08,
 dorsal,dorsal,flow,30000,0.142,0.142,0.1,0.04,0.08,0.02,0.3
 piv,draft,piv,30000,0.02,0.02,0.01,0.006,,
@@ -65,7 +65,7 @@ def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
 
 def test_smoke_is_a_trial_also_of_a_scene_that_extends_the_measured_one(scene, tmp_path):
     sentence, trial = level_error([tmp_path / "child", scene], "smoke")
-    assert sentence.endswith(": against a finer level, on scene finger.")
+    assert sentence.endswith(": against level medium, on scene finger.")
     assert trial.endswith("wrong by up to 172\u00a0% on scene finger")
 
 
