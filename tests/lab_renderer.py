@@ -1,6 +1,6 @@
 """A second renderer of a laboratory's pictures, for tests alone.
 
-Plain numpy, independent of the virtual laboratory: points of light behind a pinhole camera, fresh
+Plain numpy, independent of `piv.synthetic`: points of light behind a pinhole camera, fresh
 in each picture, with faults of real recordings added one by one.
 """
 

@@ -16,7 +16,7 @@ from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_netcdf
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import PAIRINGS
-from piv.images.masks import dark_body, outline_masks, polygons_mask, read_mask
+from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_polygon
 from piv.images.open_recording import Recording, open_recording
 
 
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> None:
                 raise ValueError(
                     f"{args.output}: a moving mask is a folder of images; give a folder"
                 )
-            still = read_mask(args.polygon, recording.shape)
+            still = polygon_mask(read_polygon(args.polygon), recording.shape)
             _save(still, args.output)
             if not args.quiet:
                 print(f"{args.output}: {still.mean():.1%} of the picture masked")
@@ -123,7 +123,7 @@ def _masks(args: argparse.Namespace, recording: Recording) -> Callable[[int], nd
 
         return dark
     if args.outline is None:
-        still = read_mask(args.polygon, recording.shape)
+        still = polygon_mask(read_polygon(args.polygon), recording.shape)
         return lambda i: still
     scale = args.scale_mm_per_px
     pixel = scale * 1e-3 if scale else pixel_of(recording.attrs)

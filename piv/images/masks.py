@@ -78,9 +78,9 @@ def _inside_polygon(polygon, x, y, near):
 
 def read_polygon(path: str | Path) -> ndarray:
     """Corners x, y (px, y up) from a CSV file of two numbers a line, with or without names."""
-    lines = Path(path).read_text(encoding="utf-8").splitlines()
-    named = bool(lines) and re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]) is not None
     try:
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        named = bool(lines) and bool(re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]))
         corners = np.loadtxt(lines[named:], delimiter=",", comments="#", ndmin=2)
     except ValueError as error:
         raise ValueError(f"{path}: expected two numbers a line, x and y in px ({error})") from None

@@ -16,7 +16,8 @@ REACHES = 1, 2, 4, 8, 16  # fields to either side
 BETWEEN, END = 0.2, 0.5
 # correlation lengths over which the error of a time derivative is averaged before it is judged:
 # shorter errors cancel in a pressure. Of 2, 3, 4 the one of least error in exact flows whose errors
-# neighbours share, at 250, 500 and 1000 Hz (seeds 201-206)
+# neighbours share, at 250, 500 and 1000 Hz (seeds
+# 201-206; no command repeats it)
 WIDE = 2.0
 _DEVIATIONS = 3  # of the noise of such means above their own, up to which a difference is noise
 _SCHEME = "fourth-order"
@@ -66,12 +67,12 @@ class Slope(NamedTuple):
 def time_slope(times: ndarray, at: int, fields: Callable[[int], Field], length: float) -> Slope:
     """The time derivative at field `at` of the series `fields` at `times` (s).
 
-    length: grid points over which errors hang together. Of the fits over `REACHES` fields to either
-    side the one with the least mean square error over `WIDE` of those lengths, for shorter errors
-    leave little in a pressure: its noise in most of the view, and what its difference from any
-    shorter fit has beyond that one's noise (Goldenshluger and Lepski, Ann. Stat. 39, 2011). What it
-    lacks: the change of the derivative over a part of an interval, for a derivative of two fields
-    belongs to any instant between them.
+    length: grid points over which errors hang together. Parabolas are fitted over `REACHES` fields
+    to either side. The fit of least mean square error over `WIDE` of those lengths is taken, since
+    shorter errors leave little in a pressure. That error has two parts. One is the fit's noise in
+    most of the view. The other is what its difference from any shorter fit has beyond that fit's
+    noise (Goldenshluger and Lepski, Ann. Stat. 39, 2011). The lack is the change of the derivative
+    over a part of an interval: a derivative of two fields belongs to any instant between them.
     """
     means: list[ndarray] = []
     noises: list[float] = []

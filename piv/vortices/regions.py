@@ -20,12 +20,14 @@ DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a t
 SMALLEST = 0.75
 FLAT = 0.75  # of the largest vorticity: a region whose edge has more is part of a background
 # of the lower of two maxima: with less between them they are two vortices. The main tracks of three
-# flows are the same from 0.4 to 0.8; below 0.6 a roll at a finger's corner comes and goes
+# flows are the same from 0.4 to 0.8; below 0.6 a roll at a finger's corner comes and goes (no
+# command repeats it)
 SADDLE = 0.6
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of
-# powers of the grid step over the radius; measured on Lamb-Oseen vortices with neighbours
+# powers of the grid step over the radius; measured on Lamb-Oseen vortices with neighbours (no
+# command repeats it)
 OF_GRID = np.array([0.025, 0.025, 0.025, 0.04, 0.17])
 OF_PIV = 0.002  # of a circulation, where windows and their smoothing err alike over a vortex
 POWER = np.array([2, 2, 1, 2, 2])

@@ -8,7 +8,7 @@ from typing import Any
 
 from fileio.atomic import sha256, write_text
 from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
+from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.lock import exclusive
@@ -43,7 +43,7 @@ def compare_with(
     """Compare a run with the recording of a dpiv.toml's folder; returns the page.
 
     `inputs`: vary the uncertain inputs by runs of their own. `quick`: compare the motion alone, for
-    which nothing is solved. Registration comes first: it reports missing keys of dpiv.toml.
+    which nothing is solved. All files are read and the data registered before anything is solved.
     """
     from postprocess.lab.report.report import make_report
 
@@ -56,9 +56,10 @@ def compare_with(
     make(run, "kinematics", machine, quiet)
     files.folder.mkdir(parents=True, exist_ok=True)
     with exclusive(files.folder):
-        registration = _register(run, files, dpiv, quiet)
         kinematics, known = read_kinematics(run.path("kinematics")), read_inputs(scene.folder)
-        case = Case(kinematics, registration, fea_band(files, dpiv))
+        bend_std = fea_band(files, dpiv, kinematics)
+        registration = _register(run, files, dpiv, kinematics, quiet)
+        case = Case(kinematics, registration, bend_std)
         rows = input_rows(scene_numbers(files.stage), known) if inputs else []
         runs = {
             name: open_run(
@@ -123,7 +124,7 @@ def _with_flow(
         sheet = opened.load()
     known = files, dpiv, case.kinematics, case.registration, sheet
     sides = on_common_grid(*known, threads=machine.jobs, quiet=quiet)
-    check_clock(case.kinematics, case.registration, sides)
+    check_clock(case.kinematics, case.registration, sides, dpiv.folder / NAME)
     for one in runs.values():
         make(one, "run", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
@@ -144,7 +145,9 @@ def _plan(runs: dict[str, Run], ranks: int) -> str:
     return f"plan: to solve {', '.join(missing)}, about {duration(time)} on {ranks} idle cores"
 
 
-def _register(run: Run, files: LabFiles, dpiv: Dpiv, quiet: bool) -> Registration:
+def _register(
+    run: Run, files: LabFiles, dpiv: Dpiv, kinematics: Kinematics, quiet: bool
+) -> Registration:
     """Register the finger in the data, unless done with the same motion and files."""
     data: list[Any] = [
         [path.relative_to(dpiv.folder).as_posix(), path.stat().st_size, path.stat().st_mtime_ns]
@@ -155,7 +158,7 @@ def _register(run: Run, files: LabFiles, dpiv: Dpiv, quiet: bool) -> Registratio
     record = read_record(files.folder, "registration")
     if record and record["digest"] == made_from and not changed_outputs(files.folder, record):
         return read_registration(files.registration)
-    registration = run_registration(files, dpiv, SEED)
+    registration = run_registration(files, dpiv, kinematics, SEED)
     write_record(files.folder, "registration", {"digest": made_from}, [files.registration])
     if not quiet and registration.times.size:
         found = zip(LAW, registration.law.values, strict=True)

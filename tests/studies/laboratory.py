@@ -1,8 +1,9 @@
 """Blind comparisons: recordings by the second renderer, with motion and water that are known.
 
-    python -m tests.studies.laboratory FIRST LAST [--scene cases/single_finger]
+    python -m tests.studies.laboratory [FIRST LAST] [--scene cases/single_finger]
 
-One row per seed goes to docs/record/laboratory_blind.csv. Faults follow from the seed alone.
+One row per seed goes to docs/record/laboratory_blind.csv. Faults follow from the seed alone. At the
+end, or without seeds at once, the counts of the whole table are printed.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ TABLE = Path("docs/record/laboratory_blind.csv")
 VIEW = (-0.085, 0.125, 0.10, 0.285)  # m
 SHAPE, SCALE = (512, 640), 0.25  # px, mm/px
 PAIRS, RATE, INTERVAL = 21, 50.0, 0.002
+NAMES = ("x_px", "y_px", "turn", "scale", "factor", "delay")
 # kPa, s, viscosity over water's, gain of the flow away from the wall
 WATERS = {
     "none": (20.0, 0.4, 1.0, 0.0),
@@ -137,8 +139,7 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
     truth = [*true.at_px, true.angle, -np.log(true.pixel), factor, -start]
     known = [*found.pose.at_px, found.pose.angle, -np.log(found.pose.pixel), *found.law.values[:2]]
     std = [*np.sqrt(np.diag(found.covariance)), found.law.std("factor"), found.law.std("delay")]
-    names = ("x_px", "y_px", "turn", "scale", "factor", "delay")
-    for name, one, other, s in zip(names, known, truth, std, strict=True):
+    for name, one, other, s in zip(NAMES, known, truth, std, strict=True):
         row |= {f"{name}_error": one - float(other), f"{name}_std": s}
     row |= {"stretch": found.law.values[2], "stretch_std": found.law.std("stretch")}
     with read_plane(lab / "direct.h5") as direct:
@@ -150,7 +151,7 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
         circulation(f, true, like, kinematics.tip_width).loc[slice(*window)].mean()
         for f in (base, flow)
     )
-    row |= {"true_difference": (ours - theirs) / theirs}
+    row |= {"true_difference": (ours - theirs) / abs(theirs)}
     for name, q in judged.items():
         size = abs(q["scale"])
         row |= {f"{name}_verdict": q["verdict"], f"{name}_found_above": q["detectable"] / size}
@@ -163,10 +164,26 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
     return row
 
 
+def counts(table: pd.DataFrame) -> str:
+    """Verdicts by fault, errors within 1.96 standard uncertainties, least error that is found."""
+    verdicts = table.assign(refused=table["refused"].notna())
+    verdicts = verdicts[["fault", "motion", "flow", "refused"]]
+    lines = [verdicts.value_counts(sort=False, dropna=False).to_string()]
+    off = table["circulation_E"] - table["true_difference"]
+    errors = {name: (off, table[name]) for name in ("circulation_u_D", "circulation_u")}
+    errors |= {n: (table[f"{n}_error"], table[f"{n}_std"]) for n in NAMES}
+    for name, (error, std) in errors.items():
+        ratio = (error / std).abs().dropna()
+        lines.append(f"{name}: {(ratio < 1.96).sum()} of {ratio.size}, worst {ratio.max():.1f}")
+    least = table["circulation_found_above"]
+    lines.append(f"circulation_found_above: median {least.median():.1%}, worst {least.max():.1%}")
+    return "\n".join(lines)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Append a row for each seed.")
-    parser.add_argument("first", type=int)
-    parser.add_argument("last", type=int)
+    parser = argparse.ArgumentParser(description="A row for each seed, and the counts of all.")
+    parser.add_argument("first", type=int, nargs="?", default=1)
+    parser.add_argument("last", type=int, nargs="?", default=0)
     parser.add_argument("--scene", default="cases/single_finger")
     parser.add_argument("--table", type=Path, default=TABLE)
     asked = parser.parse_args()
@@ -176,10 +193,12 @@ def main() -> None:
     for seed in range(asked.first, asked.last + 1):
         rows = pd.DataFrame([compared(nominal, seed, folder)])
         if asked.table.exists():
-            rows = pd.concat([pd.read_csv(asked.table), rows])
+            old = pd.read_csv(asked.table)
+            rows = pd.concat([old[old["seed"] != seed], rows])
         rows.to_csv(asked.table, index=False, float_format="%.5g")
         print(json.dumps(rows.iloc[-1].to_dict(), default=str), flush=True)
         shutil.rmtree(folder / f"blind_{seed}", ignore_errors=True)
+    print(counts(pd.read_csv(asked.table)))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,14 @@ NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
 VERSION = 4
 TABLES = ("piv", "axes", "scale")
+# keys of the other kind, which would be ignored
+OTHER = {
+    "pictures": ("axes.root_mm", "axes.root_std_mm", "vectors"),
+    "vectors": (
+        *("finger_length_std_mm", "root_hidden_mm", "light_from_deg", "colour"),
+        *("axes.root_px", "piv.pairing", "piv.every"),
+    ),
+}
 
 
 class Table(BaseModel):
@@ -63,7 +71,7 @@ class Axes(Table):
     root_mm: tuple[float, float] | None = None
     """Of vectors: the same, in the files' axes, or px times the scale [mm]"""
     root_std_mm: Positive | None = None
-    """Its standard uncertainty [mm]"""
+    """Of vectors: its standard uncertainty [mm]"""
     turn_deg: float = 0.0
     """Of the tank frame in the picture, counter-clockwise; of pictures a first guess [deg]"""
     turn_std_deg: NotNegative | None = None
@@ -129,7 +137,7 @@ class Dpiv(Table):
     finger_length_std_mm: NotNegative | None = None
     """Of pictures: standard uncertainty of the finger's length [mm]"""
     root_hidden_mm: NotNegative = 0.0
-    """How much of the finger, from its root on, a holder or a shadow hides [mm]"""
+    """Of pictures: how much of the finger, from its root on, a holder or a shadow hides [mm]"""
     light_from_deg: float | None = None
     """Of pictures lit from one side: whence, counter-clockwise from the right [deg]"""
     vectors: Vectors | None = None
@@ -219,14 +227,14 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
         "scale: give scale_mm_per_px or calibration": ways > 1,
         'start cannot be "from motion" without pictures: give at_s and std_s': vectors
         and table.get("start") == "from motion",
-        "light_from_deg is of pictures: leave it out": vectors and "light_from_deg" in table,
-        "piv.pairing and every are of pictures; vectors need piv.interval_s alone": vectors
-        and given & {"piv.pairing", "piv.every"},
         'piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it': pictures
         and (pairing == "1-2,2-3" and "interval_s" in piv),
-        'table [vectors] belongs to kind = "vectors"': pictures and "vectors" in given,
         'axes.y of vectors: their series counts y upwards, state y = "up"': vectors
         and axes.get("y") == "down",
+    } | {
+        f"{key} is not of {kind}: leave it out": table.get("kind") == kind and key in given
+        for kind, keys in OTHER.items()
+        for key in keys
     }
     missing = [key for key, needs in needed.items() if needs and key not in given]
     return missing, [text for text, holds in faults.items() if holds]

@@ -51,8 +51,6 @@ class LabRecording(Recording):
         _check_rate(dpiv, self._source)
         super().__init__(self._source.name, len(self._source))
         self.times = _frame_times(dpiv, len(self._source))
-        depth = 8 if self._source.frame(0).dtype == np.uint8 else 16
-        self.bits = int(self._source.attrs.get("bits", depth))
         self._mirror = dpiv.axes.x == "left"
         name = dpiv.scale.calibration
         self.calibration: Calibration | None = None

@@ -80,14 +80,20 @@ class Pose:
 
 
 def camera_series(
-    series: xr.Dataset, pose: Pose, x: np.ndarray, y: np.ndarray, times: np.ndarray
+    series: xr.Dataset,
+    pose: Pose,
+    x: np.ndarray,
+    y: np.ndarray,
+    times: np.ndarray,
+    field: PlaneField | None = None,
 ) -> xr.Dataset:
     """A tank-frame series at `times` (s) on axes `x`, `y` (m) of the camera frame, in float32.
 
     Cubic in space and time; absent inside the finger and outside the series. The finger's
-    variables are turned as well. ValueError where a time lies outside the series.
+    variables are turned as well. `field`: of the series, where many calls share it. ValueError
+    where a time lies outside the series.
     """
-    field = PlaneField(series)
+    field = field or PlaneField(series)
     first, last = field.time[[0, -1]]
     if np.min(times) < first - 1e-9 or np.max(times) > last + 1e-9:
         raise StageError(

@@ -65,10 +65,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class Sides:
-    """Plane series in the camera frame with the same axes and times; `virtual` may be None."""
+    """Plane series in the camera frame with the same axes and times."""
 
     data: xr.Dataset
-    virtual: xr.Dataset | None
+    virtual: xr.Dataset
     direct: xr.Dataset
     vortices: VortexSettings
     window_m: float  # interrogation window

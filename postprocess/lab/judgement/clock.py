@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -13,7 +15,7 @@ from postprocess.lab.judgement.case import Sides
 from postprocess.lab.registration.register import law_pressure
 
 # Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
-# shorter than the simulation's reach 1.19 (docs/record/laboratory_blind.csv, seeds 246, 256, 266).
+# shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
 CLEARLY = 1.25
 STEP = 1e-3  # s, over which the outline's velocity is taken
 
@@ -24,7 +26,6 @@ def clock_ratio(kinematics: Kinematics, registration: Registration, sides: Sides
     Relative to the same of the virtual experiment, in which boundary layer and window are alike.
     Of vectors that both have beside both fingers: where these lie apart, one hides the other's.
     """
-    assert sides.virtual is not None
     law, planes = registration.law.values, (sides.data, sides.virtual)
     known = np.logical_and(*(usable(plane).values for plane in planes))
     points = np.meshgrid(sides.data["x"].values, sides.data["y"].values)
@@ -51,14 +52,17 @@ def clock_ratio(kinematics: Kinematics, registration: Registration, sides: Sides
     return float(slopes[0] / slopes[1]) if slopes[1] else np.nan
 
 
-def check_clock(kinematics: Kinematics, registration: Registration, sides: Sides) -> None:
-    """StageError that names the keys where the water contradicts the silhouettes."""
-    if sides.virtual is None or registration.times.size == 0:
+def check_clock(
+    kinematics: Kinematics, registration: Registration, sides: Sides, path: Path
+) -> None:
+    """StageError that names the keys of `path` where the water contradicts the silhouettes."""
+    if registration.times.size == 0:
         return
     ratio = clock_ratio(kinematics, registration, sides)
     if np.isfinite(ratio) and not 1 / CLEARLY < ratio < CLEARLY:
         raise StageError(
-            f"dpiv.toml: the water beside the finger moves about {ratio:.2g} times as fast as the"
+            f"the water beside the finger moves about {ratio:.2g} times as fast as the"
             " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
-            " pairs per second) or piv.interval_s is wrong by that; correct it"
+            " pairs per second) or piv.interval_s is wrong by about this factor; correct it in"
+            f" {path}"
         )

@@ -52,13 +52,12 @@ def measure(
 def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
     named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
-    there = {name: plane for name, plane in named.items() if plane is not None}
     # without pictures the vectors of all sides, since programs mask the body differently
     seen = case.registration.times.size > 0 or np.logical_and.reduce(
-        [usable(plane).values for plane in there.values()]
+        [usable(plane).values for plane in named.values()]
     )
     pose = case.registration.pose
-    return {name: measure(sides, pose, plane, name, seen) for name, plane in there.items()}
+    return {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
 
 
 def flow_effects(
@@ -122,10 +121,8 @@ def compared_instants(
 
     That is what PIV changes of it, `random`, the vectors' scatter (component,), and the effect of
     the numerics. A circulation lasts: all from one instant on. A place does not, since errors of a
-    path grow: a third of the instants. Without a virtual experiment the later half.
+    path grow: a third of the instants.
     """
-    if "virtual" not in measured:
-        return at[at.size // 2 if at.size >= 2 * FEWEST else 0 :]
     least = max(FEWEST, int(LEAST * at.size))
     times, names = measured["data"]["time"].to_numpy(), list(columns)
     changed = (measured["virtual"] - measured["direct"])[names].to_numpy(float)
@@ -154,7 +151,6 @@ def flow_quantities(
     case: Case, sides: Sides, measured: dict[str, pd.DataFrame]
 ) -> list[ValidatedQuantity]:
     """Circulation and centre with all their sources, as means over the instants that tell most."""
-    simulated = "virtual" if "virtual" in measured else "direct"
     registration, at, out = case.registration, known_instants(case, measured), []
     data = measured["data"].loc[at]
     window_s = sides.window_m / float(
@@ -167,7 +163,7 @@ def flow_quantities(
             side: np.sqrt(
                 np.mean(np.square(measured[side].loc[at, random].to_numpy(float)), axis=0)
             )
-            for side in measured.keys() - {"direct"}
+            for side in ("virtual", "data")
         }
         variance = np.sum([std**2 for std in spread.values()], axis=0)
         rows = compared_instants(case, measured, at, columns, np.sqrt(variance), window_s)
@@ -175,7 +171,7 @@ def flow_quantities(
         alike = independent_instants(times, window_s)
         ours, direct, theirs = (
             measured[side].loc[rows, list(columns)].to_numpy(float)
-            for side in (simulated, "direct", "data")
+            for side in ("virtual", "direct", "data")
         )
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
@@ -185,16 +181,15 @@ def flow_quantities(
             turn = place_jacobian(registration.pose, value)
             seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
         how = f"{alike:.1f} of {times.size} instants count as independent"
+        changed = UNLIKE * np.abs((ours - direct).mean(axis=0))
+        of_piv = "a third of what PIV changes of the simulation: the other flow may be unlike"
         sources = [
             Source("vectors", "data", np.sqrt(variance / alike), how),
             Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
             Source("pose", "data", seat, POSTERIOR),
             Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
+            Source("PIV", "data", changed, of_piv),
         ]
-        if simulated == "virtual":
-            how = "a third of what PIV changes of the simulation: the other flow may be unlike"
-            changed = UNLIKE * np.abs((ours - direct).mean(axis=0))
-            sources.append(Source("PIV", "data", changed, how))
         added = sum((e.moves(columns, rows) for e in case.finer), np.zeros(len(columns)))
         quantity = ValidatedQuantity(
             name,
@@ -209,7 +204,7 @@ def flow_quantities(
             (float(times[0]), float(times[-1])),
         )
         known = np.hypot(quantity.u_kind("numerical"), quantity.u_kind("input"))
-        ours_std = np.hypot(spread.get("virtual", 0.0), known)
+        ours_std = np.hypot(spread["virtual"], known)
         theirs_std = np.hypot(np.hypot(spread["data"], excess), quantity.u_kind("data"))
         quantity.instant.update(data=theirs_std, simulation=ours_std)
         out.append(quantity)

@@ -28,7 +28,7 @@ from postprocess.lab.registration.outline_profile import (
     independent_share,
     outline_profile,
 )
-from postprocess.lab.registration.register import GROWTH_STD, ROOT_STD, TURN_STD, Known, learned
+from postprocess.lab.registration.register import GROWTH_STD, ROOT_STD, Known, learned
 
 GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations from a stated or plausible value
@@ -109,7 +109,7 @@ def check_priors(registration: Registration, known: Known) -> list[str]:
             " a finger of another thickness"
         )
     turn = float(np.degrees(pose.angle - stated.angle))
-    if abs(turn) > np.degrees(FAR_OFF * np.hypot(known.turn_std or TURN_STD, std[2])):
+    if abs(turn) > np.degrees(FAR_OFF * np.hypot(known.turn_std, std[2])):
         out.append(
             f"the finger hangs {turn:+.1f}° from how axes.turn_deg states it; correct it, or"
             " give axes.turn_std_deg if it is not known as well"

@@ -75,7 +75,7 @@ class Known:
 
     pose: Pose
     scale_std: float
-    turn_std: float | None = None
+    turn_std: float = TURN_STD
     delay: tuple[float, float] | None = None
     paired: bool = False
     hidden: float = 0.0

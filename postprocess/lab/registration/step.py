@@ -10,28 +10,23 @@ import numpy as np
 
 from fileio.atomic import sha256, write_bytes
 from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics, read_kinematics
+from fileio.formats.kinematics import Kinematics
 from postprocess.lab.data.dpiv_toml import NAME, Dpiv, Start
 from postprocess.lab.data.files import LabFiles, Law, Registration, write_registration
-from postprocess.lab.data.inputs_toml import read_inputs
 from postprocess.lab.data.pictures import LabRecording, stated_pose
 from postprocess.lab.data.pose import Pose
 from postprocess.lab.data.vectors import vectors_view
 from postprocess.lab.registration.check_fit import check_fit, draw_fit
-from postprocess.lab.registration.register import Known, register
+from postprocess.lab.registration.register import TURN_STD, Known, register
 
 VIEW_MARGIN = 0.008  # m of the sheet beyond the picture
 
 
-def run_registration(files: LabFiles, dpiv: Dpiv, seed: int = 1) -> Registration:
-    """Register the data and write registration.json.
-
-    Files that only later steps need are checked here, before anything is solved.
-    """
-    read_inputs(files.stage.scene_folder)
-    kinematics = read_kinematics(path := files.stage.required("kinematics.h5", "kinematics"))
-    _check_bend(kinematics, path)
-    fea_band(files, dpiv)
+def run_registration(
+    files: LabFiles, dpiv: Dpiv, kinematics: Kinematics, seed: int = 1
+) -> Registration:
+    """Register the data and write registration.json."""
+    _check_bend(kinematics, files.stage.out / "kinematics.h5")
     if dpiv.kind == "vectors":
         registration = stated_registration(dpiv, kinematics)
         corners = vectors_view(dpiv)
@@ -52,7 +47,7 @@ def _of_pictures(
     known = Known(
         stated_pose(dpiv, recording, kinematics.root),
         dpiv.scale.std_percent / 100,
-        turn_std=None if turn is None else float(np.radians(turn)),
+        turn_std=TURN_STD if turn is None else float(np.radians(turn)),
         delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
         paired=dpiv.piv.pairing == "1-2,3-4",
         hidden=dpiv.root_hidden_mm * 1e-3,
@@ -84,20 +79,18 @@ def _check_bend(kinematics: Kinematics, path: Path) -> None:
         )
 
 
-def fea_band(files: LabFiles, dpiv: Dpiv) -> float:
+def fea_band(files: LabFiles, dpiv: Dpiv, kinematics: Kinematics) -> float:
     """Standard uncertainty (rad) of the final bend by the bands of the FEA; 0: they do not count.
 
     StageError where they count and are not known.
     """
     if dpiv.finger_geometry == "measured":
         return 0.0
-    path = files.stage.required("kinematics.h5", "kinematics")
-    kinematics = read_kinematics(path)
     bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
     if bend_std == 0:
         raise StageError(
-            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
-            ' fea, or state finger_geometry = "measured" in dpiv.toml'
+            f"{files.stage.out / 'kinematics.h5'}: carries no state_bend_std, so the bands of the"
+            ' FEA are not known; run make fea, or state finger_geometry = "measured" in dpiv.toml'
         )
     return bend_std
 

@@ -26,11 +26,8 @@ def series(table: pd.DataFrame, circulation: dict[str, Any]) -> Figure:
     """Circulation over time with 95 % bands of each instant on both sides."""
     figure, ax = new_figure(8.8, 4.4)
     instant, unit = circulation["instant"], 1e4
-    simulated = "virtual" if "circulation_virtual" in table else "direct"
-    half = {"data": instant["data"][0], simulated: instant["simulation"][0]}
+    half = {"data": instant["data"][0], "virtual": instant["simulation"][0]}
     for side in ("direct", "virtual", "data"):
-        if f"circulation_{side}" not in table:
-            continue
         values, time = table[f"circulation_{side}"], table["time"]
         line = ":" if side == "direct" else "-"
         ax.plot(time, values * unit, line, color=COLOUR[side], label=NAME[side])
@@ -85,9 +82,8 @@ def overlay(picture: np.ndarray, fitted: np.ndarray, simulated: np.ndarray) -> F
 
 def flow(sides: Sides, table: pd.DataFrame, pose: Pose, time: float) -> np.ndarray:
     """Measured beside simulated vectors at the instant next to `time` (s), (row, column, RGB)."""
-    simulated = "direct" if sides.virtual is None else "virtual"
     planes, vortices = {}, {}
-    for side, plane in (("data", sides.data), (simulated, sides.virtual or sides.direct)):
+    for side, plane in (("data", sides.data), ("virtual", sides.virtual)):
         columns = ("circulation", "x", "y", "radius")
         track = table[[f"{name}_{side}" for name in columns]].set_axis(columns, axis=1)
         track = track.assign(time=table["time"], track=0).dropna()

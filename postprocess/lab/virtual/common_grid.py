@@ -44,8 +44,7 @@ def on_common_grid(
     direct = camera_series(sheet, registration.pose, x, y, times)
     written = ("data", "lab", data), ("virtual", "piv", virtual), ("direct", "cfd", direct)
     for name, source, plane in written:
-        if plane is not None:
-            write_plane(plane, files.side(name), source=source)
+        write_plane(plane, files.side(name), source=source)
     settings = files.stage.numbers.vortices.model_dump(mode="json")
     px = registration.pose.pixel  # m; of vectors the picture's unit is the stated metre
     window = dpiv.piv.window * (px * dpiv.scale.pixel if dpiv.kind == "vectors" else px)
@@ -100,7 +99,14 @@ def outlines_px(kinematics: Kinematics, pose: Pose, pressures: np.ndarray) -> li
     return [pose.to_px(kinematics.fingers("outline", p)) for p in pressures]
 
 
-def _of_pictures(files, dpiv, kinematics, registration, sheet, options):
+def _of_pictures(
+    files: LabFiles,
+    dpiv: Dpiv,
+    kinematics: Kinematics,
+    registration: Registration,
+    sheet: xr.Dataset,
+    options: dict[str, Any],
+) -> tuple[xr.Dataset, xr.Dataset]:
     law, pose = registration.law, registration.pose
     with LabRecording(dpiv) as recording:
         span = float(sheet["time"][0]), float(sheet["time"][-1])
@@ -126,7 +132,14 @@ def _of_pictures(files, dpiv, kinematics, registration, sheet, options):
         return data, with_finger(virtual, kinematics, pose, kinematics.law(middle))
 
 
-def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
+def _of_vectors(
+    files: LabFiles,
+    dpiv: Dpiv,
+    kinematics: Kinematics,
+    registration: Registration,
+    sheet: xr.Dataset,
+    options: dict[str, Any],
+) -> tuple[xr.Dataset, xr.Dataset]:
     plane = lab_vectors(dpiv)
     pose, delay = registration.pose, registration.law.delay
     times = plane["time"].values - delay
@@ -146,11 +159,11 @@ def _of_vectors(files, dpiv, kinematics, registration, sheet, options):
     corner = np.array([x[0], y[0]]) - border * px
     at = (np.asarray(pose.at_px) * scale - corner) / px
     seen = replace(pose, scale_mm_per_px=1e3 * px, at_px=(float(at[0]), float(at[1])))
-    shape = tuple(int(np.ptp(axis) / px) + 2 * border for axis in (y, x))
+    rows, columns = (int(np.ptp(axis) / px) + 2 * border for axis in (y, x))
     pairs = np.column_stack([times - margin, times + margin]).ravel()
     ours = outlines_px(kinematics, seen, kinematics.law(pairs))
     piv = dpiv.piv.model_copy(update={"smoothing": dpiv.piv.smoothing is True})
-    still = Still(shape, times.size), np.arange(times.size)
+    still = Still((rows, columns), times.size), np.arange(times.size)
     moved = *still, pairs, sheet, seen, ours, piv, files.folder / "virtual_piv.h5"
     virtual = virtual_experiment(*moved, **options)
     virtual = virtual.where(usable(virtual))[["u", "v", "u_std", "v_std"]]

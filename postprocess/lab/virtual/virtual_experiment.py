@@ -14,6 +14,7 @@ from fileio.formats.plane_series import read_plane
 from piv.correlation.options import Options
 from piv.images.recording import Recording
 from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.synthetic.plane_spline import PlaneField
 from postprocess.lab.data.dpiv_toml import Evaluation
 from postprocess.lab.data.pictures import MaskedRecording
 from postprocess.lab.data.pose import Pose, camera_series
@@ -80,7 +81,7 @@ class MovedRecording(Recording):
     ) -> None:
         super().__init__(f"{source.name}, moved", 2 * len(first))
         self._source, self._first, self._times = source, first, times
-        self._sheet, self._pose = sheet, pose
+        self._sheet, self._field, self._pose = sheet, PlaneField(sheet), pose
 
     def _read(self, i: int) -> np.ndarray:
         image = self._source.frame(int(self._first[i // 2]))
@@ -90,7 +91,7 @@ class MovedRecording(Recording):
         step = float(self._sheet["x"][1] - self._sheet["x"][0])
         x, y = (np.arange(0.0, n * px + step, step) for n in image.shape[::-1])
         middle = np.array([(before + after) / 2])
-        flow = camera_series(self._sheet, self._pose, x, y, middle).isel(time=0)
+        flow = camera_series(self._sheet, self._pose, x, y, middle, self._field).isel(time=0)
         unknown = np.isnan(flow["u"].values)
         j, i_ = distance_transform_edt(unknown, return_distances=False, return_indices=True)
         shift = [flow[n].values[j, i_] * (after - before) / px for n in ("u", "v")]

@@ -70,6 +70,7 @@ def test_contradictions_are_refused(tmp_path, old, new, message):
 
 VECTORS = (
     WHOLE.replace('"pictures"', '"vectors"')
+    .replace("finger_length_std_mm = 0.1\n", "")
     .replace('start = "from motion"', "start = { at_s = 0.0, std_s = 0.001 }")
     .replace(', pairing = "1-2,2-3"', ", interval_s = 0.002")
     .replace(
@@ -82,8 +83,6 @@ VECTORS = (
     "old, new, message",
     [
         (", interval_s = 0.002", "", r"piv\.interval_s is missing: Between the two"),
-        ("vectors = {", "light_from_deg = 90.0\nvectors = {", "light_from_deg is of pict"),
-        ("interval_s", 'pairing = "1-2,2-3", interval_s', "vectors need piv.interval_s alone"),
         (", root_std_mm = 0.3", "", "root_std_mm is missing"),
         (", turn_std_deg = 0.5", "", "turn_std_deg is missing"),
     ],
@@ -92,6 +91,30 @@ def test_vectors_need_what_pictures_show(tmp_path, old, new, message):
     assert read_dpiv(written(tmp_path, VECTORS)).kind == "vectors"
     with pytest.raises(ValueError, match=message):
         read_dpiv(written(tmp_path, VECTORS.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    "text, key, value",
+    [
+        (WHOLE, "axes.root_mm", "[20.0, 15.0]"),
+        (WHOLE, "axes.root_std_mm", "0.3"),
+        (WHOLE, "vectors", "{ std_px = 0.1 }"),
+        (VECTORS, "finger_length_std_mm", "0.1"),
+        (VECTORS, "root_hidden_mm", "1.0"),
+        (VECTORS, "light_from_deg", "90.0"),
+        (VECTORS, "colour", '"luma"'),
+        (VECTORS, "axes.root_px", "[640.0, 950.0]"),
+        (VECTORS, "piv.pairing", '"1-2,2-3"'),
+        (VECTORS, "piv.every", "2"),
+    ],
+)
+def test_keys_of_the_other_kind_are_refused(tmp_path, text, key, value):
+    table, _, name = key.rpartition(".")
+    old, new = (f"{table} = {{", f"{table} = {{ {name} = {value},") if table else ("title", name)
+    line = new if table else f"{name} = {value}\ntitle"
+    kind = read_dpiv(written(tmp_path, text)).kind
+    with pytest.raises(ValueError, match=f": {key} is not of {kind}: leave it out$"):
+        read_dpiv(written(tmp_path, text.replace(old, line)))
 
 
 def test_a_missing_file_is_named(tmp_path):

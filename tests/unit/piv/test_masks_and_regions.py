@@ -92,6 +92,15 @@ def test_masks_that_do_not_fit_are_refused(frames, tmp_path, capsys):
     assert not (tmp_path / "a.h5").exists()
 
 
+@pytest.mark.parametrize("output", ["still.png", "each"])
+def test_an_image_is_no_polygon(output, frames, tmp_path, capsys):
+    cv2.imwrite(str(tmp_path / "m.png"), np.zeros(SHAPE, np.uint8))
+    mask, out = str(tmp_path / "m.png"), tmp_path / output
+    assert main(["mask", str(frames), "-o", str(out), "--polygon", mask, "--quiet"]) == 2
+    assert f"{mask}: expected two numbers a line" in capsys.readouterr().err
+    assert not out.exists()
+
+
 SQUARE = [[0, 0], [40, 0], [40, 127], [0, 127]]
 
 
