@@ -16,8 +16,7 @@ REACHES = 1, 2, 4, 8, 16  # fields to either side
 BETWEEN, END = 0.2, 0.5
 # correlation lengths over which the error of a time derivative is averaged before it is judged:
 # shorter errors cancel in a pressure. Of 2, 3, 4 the one of least error in exact flows whose errors
-# neighbours share, at 250, 500 and 1000 Hz (seeds
-# 201-206; no command repeats it)
+# neighbours share, at 250, 500 and 1000 Hz (seeds 201-206; no command repeats it)
 WIDE = 2.0
 _DEVIATIONS = 3  # of the noise of such means above their own, up to which a difference is noise
 _SCHEME = "fourth-order"

@@ -20,11 +20,9 @@ VERSION = 4
 TABLES = ("piv", "axes", "scale")
 # keys of the other kind, which would be ignored
 OTHER = {
-    "pictures": ("axes.root_mm", "axes.root_std_mm", "vectors"),
-    "vectors": (
-        *("finger_length_std_mm", "root_hidden_mm", "light_from_deg", "colour"),
-        *("axes.root_px", "piv.pairing", "piv.every"),
-    ),
+    "pictures": "axes.root_mm axes.root_std_mm vectors",
+    "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour axes.root_px"
+    " piv.pairing piv.every",
 }
 
 
@@ -234,7 +232,7 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     } | {
         f"{key} is not of {kind}: leave it out": table.get("kind") == kind and key in given
         for kind, keys in OTHER.items()
-        for key in keys
+        for key in keys.split()
     }
     missing = [key for key, needs in needed.items() if needs and key not in given]
     return missing, [text for text, holds in faults.items() if holds]

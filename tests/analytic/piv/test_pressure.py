@@ -121,7 +121,8 @@ def test_errors_that_neighbours_share_at_a_high_rate(flow: Callable, monkeypatch
         # 12 %: 2.5 to 11 % in 12 flows drawn beside these
         assert np.nanstd(off) < 0.12 * np.nanstd(exact)
         known = np.isfinite(off)
-        assert np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]) > 0.8
+        # 94 to 100 % here; 89 % was the least of those 12
+        assert np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]) > 0.88
 
 
 def test_loads_on_an_oscillating_cylinder() -> None:
