@@ -61,6 +61,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "handoverStep": str(steps_of(handover, n.time_step)),
         "sampleInterval": str(sampling),
         "balanceInterval": str(balance),
+        "wallInterval": "1" if scene.coupled else str(balance),
         "meshMotion": "dynamicMotionSolverFvMesh" if interval.moving else "staticFvMesh",
         "timeScheme": n.time_scheme,
         "convectionScheme": n.convection,

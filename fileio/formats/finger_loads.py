@@ -26,10 +26,6 @@ bend?  step  rad  bend angle of the finger as it was run
 bend_unloaded?  step  rad  of the finger that no load bends, at the same pressure
 bend_in_air?  step  rad  of the finger at the same pressure history without water
 bend_in_water?  step  rad  in water: as run where coupled, else in modelled water
-tip?  step, axis  m  middle of the tip as it was run, in the tank frame
-tip_unloaded?  step, axis  m  of the finger that no load bends
-tip_in_air?  step, axis  m  without water
-tip_in_water?  step, axis  m  in water, likewise
 pressure_work?  step  J  of the chambers' pressure; where the motion is prescribed: of its drive
 water_work?  step  J  of the water on the finger
 weight_work?  step  J  of weight and buoyancy

@@ -35,14 +35,9 @@ gate
 
 
 def add_gate(case: Path) -> None:
-    """Let the solver of `case` sample the finger and stop at a gate in every step.
-
-    The gate is the last of all that it records.
-    """
+    """Let the solver of `case` stop at a gate in every step, after all that it records."""
     path = case / "system" / "functions"
-    volumes, wall = path.read_text(encoding="utf-8").split("wallStress", 1)
-    wall = wall.replace("$balanceInterval", "1")
-    write_text(path, f"{volumes}wallStress{wall}{_SAMPLER}")
+    write_text(path, path.read_text(encoding="utf-8") + _SAMPLER)
 
 
 def _pipe(case: Path, at: float) -> Path:

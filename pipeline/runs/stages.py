@@ -76,7 +76,7 @@ STAGES = (
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(1, 500), temporary=True, coupled_version=1,
+        folders=("case",), cost=(1, 500), temporary=True, coupled_version=2,
     ),
     Stage(
         "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",
@@ -122,7 +122,7 @@ STAGES = (
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
         ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        version=5,
+        version=6,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",

@@ -82,15 +82,6 @@ class ElasticFinger:
         edge = -0.5j * self.chain.thickness(np.zeros(1))[0, 0]
         return self.in_actuator(points - self.root) + edge
 
-    def tips(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
-        """Middle of the tip (time, 2) m in the tank under rotations (time, slice) rad."""
-        chain, turn = self.chain, self.chain.bend(pressure, delta)
-        dorsal = np.stack([np.sin(turn), -np.cos(turn)], axis=1)
-        middle = chain.profile(pressure, delta)[:, -1]
-        middle = middle + 0.5 * chain.thickness(pressure)[:, -1:] * dorsal
-        middle[:, 1] += 0.5 * chain.thickness(np.zeros(1))[0, 0]  # the root's middle is its place
-        return middle @ self.frame + self.root
-
 
 def modelled_shapes(scene: Scene) -> States:
     """Shapes over time (s) under modelled water; StageError where the finger cannot be coupled."""

@@ -88,7 +88,6 @@ def _history(
     turns = {"": delta, "_unloaded": 0 * delta, "_in_air": in_air, "_in_water": wet}
     for name, turn in turns.items():
         found[f"bend{name}"] = chain.bend(pressure, turn)
-        found[f"tip{name}"] = finger.tips(pressure, turn)
     return found | energies(chain, pressure, delta, step, finger.water, loads_at(values, time))
 
 

@@ -76,6 +76,12 @@ def test_scene_keys_reach_the_numbers(tmp_path):
         "density": "1025", "viscosity": "2e-06", "simulationType": "LES", "timeScheme": "Euler",
         "outerCorrectors": "3", "sheetType": "symmetryPlane",
     }.items()  # fmt: skip
+    coupled = scene.model_copy(
+        update={"motion": scene.motion.model_copy(update={"source": "structure"})}
+    )
+    every_step = numbers(coupled, WHOLE, WHOLE.end, -0.15)
+    assert {k for k in entries if every_step[k] != entries[k]} == {"wallInterval"}
+    assert every_step["wallInterval"] == "1"
     second = numbers(scene, Interval(1, 0.192, 0.2, 0.35, 1), 0.35, -0.15)
     # it starts 8 time steps of 1 ms before it takes over
     times = {"startTime": "0.192", "endTime": "0.35", "handoverStep": "350"}

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import curve_fit
 
-from fileio.formats.finger_loads import read_loads
+from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Finger
+from pipeline.structure.finger import ElasticFinger
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.solve import provenance, solved
 
@@ -111,10 +112,13 @@ def dry_frequency(scene: Scene) -> float:
 
 def oscillation(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Time (s), deflection of the tip (m), parameters of its fit, and the rest (m)."""
-    loads = read_loads(scene.out / "loads.h5")
-    time = loads["step"].values
-    across = loads["tip"].values[:, 0] - loads["tip"].values[0, 0]
-    rest = float(loads["tip_unloaded"].values[-1, 0] - loads["tip_unloaded"].values[0, 0])
+    finger, file = ElasticFinger.of(scene), read_elastic_motion(scene.out / FILE)
+    time, pressure, delta = (file[name].values for name in ("time", "pressure", "delta"))
+    bent, unloaded = (
+        finger.chain.profile(pressure, turn)[:, -1] @ finger.frame[:, 0]
+        for turn in (delta, 0 * delta)
+    )
+    across, rest = bent - bent[0], float(unloaded[-1] - unloaded[0])
     free = time > RELEASED
 
     def swing(t, middle, swung, frequency, share, phase):
@@ -132,7 +136,7 @@ def measure() -> Result:
     """Frequencies and damping of two plates at two amplitudes."""
     checks, curves = [], {}
     for row in ROWS:
-        scene = solved(row, stage="loads")
+        scene = solved(row, stage="run")
         finger, dry = scene.finger, dry_frequency(scene)
         wet, share = theory(finger, dry, scene.fluid.kinematic_viscosity)
         time, across, fit, rest = oscillation(scene)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import shutil
 from functools import cache
+from pathlib import PurePath
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
+from pipeline.openfoam.base_case import BASE
 from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.stages import STAGES
+from pipeline.runs.stages import BY_NAME, STAGES
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import ROOT, write_scene
@@ -124,6 +126,14 @@ def test_the_table_names_sections_and_keys_that_there_are() -> None:
         for section, keys in stage.sections.items():
             assert section in numbers
             assert keys is True or keys <= numbers[section].keys()
+
+
+def test_of_the_system_folder_the_case_stage_owns_all_that_no_run_writes() -> None:
+    """A template that its pattern leaves out would not be made again."""
+    pattern = next(p for p in BY_NAME["case"].outputs if "/system/" in p)
+    names = {path.name for path in (BASE / "system").iterdir()}
+    own = {name for name in names if PurePath(f"case/interval_0/system/{name}").match(pattern)}
+    assert names - own == {"numbers", "decomposeParDict"}
 
 
 def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:

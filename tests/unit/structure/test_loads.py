@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from fileio.formats.bending_states import States, read
-from pipeline.kinematics.finger import finger_motion
-from pipeline.scene.scene import load_scene
 from pipeline.structure.chain import Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
@@ -61,14 +59,3 @@ def test_given_stiffness_takes_the_place_of_the_analysis():
     plain = States(STATES.pressure, STATES.profile, STATES.thickness)
     assert bending_law(plain, None) is None
     assert bending_law(plain, 1e-3).rubber_mass == 0
-
-
-def test_the_tip_is_the_middle_of_that_of_the_shape_in_the_tank():
-    scene = load_scene(Path(__file__).parents[3] / "cases" / "single_finger", "coarse")
-    finger = ElasticFinger.of(scene)
-    shapes = finger_motion(scene.motion, scene.finger, None, scene.folder)
-    pressure = np.array([0.0, 2e4])
-    tips = finger.tips(pressure, np.zeros((2, finger.chain.slices)))
-    expected = [shapes.to_tank(shapes.shapes.tip(p)[0]) for p in pressure]
-    # 0.1 mm: the root's thickness changes with the pressure by less
-    np.testing.assert_allclose(tips, expected, atol=1e-4)
