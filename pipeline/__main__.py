@@ -109,9 +109,7 @@ def run(
             seconds = sum(estimate(made, stage)[0] for stage in stale)
             print(f"about {duration(seconds)} of CPU time" if stale else "nothing to do")
             if "run" in stale:
-                size = predicted(made.scene)
-                cells, disk = f"{size.cells:.1g} cells", f"{size.disk / 1e9:.1g} GB of disk"
-                print(f"the flow: about {cells}, {size.steps:.0f} steps, {disk}")
+                print(f"the flow: {predicted(made.scene)}")
             return
         make(made, until, machine, quiet)
     if until == "report" and not quiet:
@@ -383,11 +381,11 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
 
 def _coupled(scene: Path, level: str) -> Any:
     """The run of a scene in which pressure and water make the motion; it has its own folder."""
-    from pipeline.runs.run import open_run
+    from pipeline.runs.run import coupled_out, open_run
 
     plain = _open(scene, level).scene
     overrides = {"motion.source": "structure", "title": f"{plain.title}, coupled"}
-    return open_run(scene, level, overrides, plain.out / "coupled")
+    return open_run(scene, level, overrides, coupled_out(plain.out))
 
 
 def _snakemake(plan: Path, slurm: bool, collated: bool = False) -> int:

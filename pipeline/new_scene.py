@@ -207,11 +207,9 @@ def advice(scene: Scene) -> str:
         f"{command('fea', folder):40s} about {duration(estimate(runs[0], FEA.name)[0])}",
     ]
     for level, run in zip(_LEVELS, runs, strict=True):
-        size = predicted(run.scene)
         seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
         lines.append(
-            f"{command('run', folder, level):40s} about {duration(seconds)},"
-            f" {size.cells:.1g} cells,"
-            f" {size.disk / 1e9:.1g} GB of disk{', 2-D: to try' if level == 'smoke' else ''}"
+            f"{command('run', folder, level):40s} about {duration(seconds)}; the flow:"
+            f" {predicted(run.scene)}{'; 2-D: to try' if level == 'smoke' else ''}"
         )
     return "\n".join(lines)

@@ -20,19 +20,24 @@ from fileio.formats.mesh_intervals import Interval
 from fileio.record import check_whole
 
 _TYPES = {"float": ">f4", "double": ">f8", "int": ">i4", "long": ">i8"}
+_Layout = dict[str, tuple[int, int, str]]
 
 
 def is_whole_vtk(path: Path) -> bool:
     """Whether a file of OpenFOAM's (format version 2.0) is there and as long as its headers say."""
+    return _layout_of(path) is not None
+
+
+def _layout_of(path: Path) -> _Layout | None:
+    """Offset, number and type of each array's values; None of a missing or cut file."""
     try:
         with path.open("rb") as file:
-            return _layout(file) is not None
+            return _layout(file)
     except FileNotFoundError:
-        return False
+        return None
 
 
-def _layout(file: BinaryIO) -> dict[str, tuple[int, int, str]] | None:
-    """Offset, number and type of the values of each array of a whole open file; None if cut off."""
+def _layout(file: BinaryIO) -> _Layout | None:
     size = os.fstat(file.fileno()).st_size
     sections: list[bytes] = []
     found = {}
@@ -86,15 +91,17 @@ def sampled_surfaces(
     return surfaces
 
 
-def _check(path: Path) -> None:
+def _check(path: Path) -> _Layout:
     """StageError where a sample was cut off, OSError where the disk is full."""
-    if not is_whole_vtk(path):
+    layout = _layout_of(path)
+    if layout is None:
         check_room(path.parent)
         raise StageError(
             f"{path}: missing or cut off, as by a full disk; run make again: the solver resumes"
             " before that time"
         )
     check_whole(path, "delete it and run make again: the solver resumes before that time")
+    return layout
 
 
 def read_surface(path: Path) -> pv.PolyData:
@@ -108,11 +115,10 @@ def wall_forces(path: Path, density: float) -> tuple[np.ndarray, np.ndarray, np.
 
     The sample has cell values p (m²/s²), wallShearStress and U. Errors as of `_check`.
     """
-    _check(path)
-    with path.open("rb") as file:  # without VTK: a coupled run reads one in each step
-        layout, content = _layout(file), path.read_bytes()
+    # without VTK: a coupled run reads one in each step
+    layout, content = _check(path), path.read_bytes()
     if not layout:
-        raise StageError(f"{path}: not of VTK format version 2.0; delete it and run make again")
+        raise StageError(f"{path}: not of VTK format version 2.0; run it again by OpenFOAM v1912")
 
     def values(name: str) -> np.ndarray:
         offset, count, kind = layout[name]

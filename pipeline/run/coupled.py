@@ -183,9 +183,10 @@ class Follower:
         shapes, bends = file["points"].values, file["bend"].values
         near = int(np.argmin(np.abs(bends - run.bend(self._first)))) if self._first else 0
         self.nodes = {self._first: self._at(self._first, shapes[near], self._morph.approach)}
-        if not self._first:
+        if self._first:
+            run.inertia_turn = None  # known is that of the mesh before
+        else:
             self._advance(0)
-        run.inertia_turn = run.inertia_turn if not self._first else None  # of the mesh before
         # in the overlap with the interval before the motion is known
         for number in range(self._first + 1, min(self._start + 1, self._end) + 1):
             self._follow(number)
@@ -202,8 +203,9 @@ class Follower:
             if number % _HESSIAN == 0 or number in (self._first, self._end):
                 quality, bend = shape_quality(self._planform, nodes), run.bend(number)
                 check_quality(quality, bend, run.scene.mesh, _BEYOND)
-                about = self._guess.interval.index, _HESSIAN / run.last, np.degrees(bend)
-                self.quality.append((*about[:1], *about, number * run.step, *astuple(quality)))
+                k, time = self._guess.interval.index, number * run.step
+                about = k, k, _HESSIAN / run.last, np.degrees(bend), time
+                self.quality.append((*about, *astuple(quality)))
         except MorphError as error:
             raise StageError(
                 f"{run.scene.folder / 'scene.toml'}: at {number * run.step:.4g} s the mesh cannot"

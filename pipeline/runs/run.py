@@ -196,10 +196,15 @@ def _view(scene: Scene) -> dict[str, Any]:
         return {}  # `Run.check` says why
 
 
+def coupled_out(out: Path) -> Path:
+    """Folder of the coupled run beside the results `out` of a prescribed one."""
+    return out / "coupled"
+
+
 def single_finger_out(pinch: Scene) -> Path:
     """Folder of the results of the single finger that a pinch extends, moved as the pinch is."""
     out = pinch.parents[-1] / "out" / pinch.level
-    return out / "coupled" if pinch.coupled else out
+    return coupled_out(out) if pinch.coupled else out
 
 
 def run_of(row: Mapping[str, Any]) -> Run:

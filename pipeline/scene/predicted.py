@@ -26,9 +26,10 @@ class Size:
     cpu: float
 
     def __str__(self) -> str:
+        memory, disk = (f"{float(f'{size / 1e9:.2g}'):,g}" for size in (self.memory, self.disk))
         return (
-            f"about {self.cells:.2g} cells, {self.steps:.3g} steps, {self.memory / 1e9:.2g} GB of"
-            f" memory, {self.disk / 1e9:.2g} GB of disk, {self.cpu / 3600:.2g} h of CPU time"
+            f"about {float(f'{self.cells:.1g}'):,.0f} cells, {self.steps:,.0f} steps,"
+            f" {memory} GB of memory, {disk} GB of disk"
         )
 
 

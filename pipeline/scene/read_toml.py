@@ -111,7 +111,8 @@ def resolve(layers: list[Layer], level: str) -> tuple[dict[str, Any], dict[str, 
             table = _without_view(table)
         for key, value in flat(layer.base).items():
             # a child of another motion has a view of its own at all levels
-            if of_levels.get(key, value) != value and tuple(key.split(".")) not in _FOLLOWING:
+            own = _MOVING & layer.base.keys() and tuple(key.split(".")) in _FOLLOWING
+            if of_levels.get(key, value) != value and not own:
                 replaced[key] = layer.path
         table = merge(table, layer.base)
         for name in names:

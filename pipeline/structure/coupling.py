@@ -6,7 +6,8 @@ fictitious mass (Baek and Karniadakis, J. Comput. Phys. 231 (2012) 629), with th
 has. Consider a mode with a structural mass m, an added mass a and a fictitious mass f. Each step
 multiplies it by the roots z of z^4 = q (w0 z^3 + w1 z^2 + w2 z + w3), where q = (f - a) / (m + f)
 and w are the weights of the rest at the last steps. With a parabola it is stable for
--0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m; with a mean for f > (a - m) / 2.
+-0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m; with a mean for -2 < q < 1, thus for
+f > (a - 2 m) / 3.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from fileio.formats.bending_states import read
 from fileio.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import Chain, placed
-from pipeline.structure.coupling import Check, Coupling
+from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling
 from pipeline.structure.motion import Surroundings, felt, motion, past, turning
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
@@ -86,6 +86,14 @@ def test_walls_that_the_pressure_moves_push_the_water_at_once(chain, water):
     late, _ = coupled(chain, water, water, swelling)
     now, _ = coupled(chain, water, water, swelling, swelling)
     assert now.check().tip < 0.1 * late.check().tip
+
+
+@pytest.mark.parametrize("weights, low, high", [(_PARABOLA, -0.43, 0.55), (_MEAN, -2.0, 1.0)])
+def test_the_stated_bounds_of_stability(weights, low, high):
+    """Of z^4 = q (w0 z^3 + …); 2 %: bounds are stated to two digits."""
+    for q in (low, high):
+        within, beyond = (abs(np.roots([1, *(-f * q * weights)])).max() for f in (0.98, 1.02))
+        assert within < 1 < beyond
 
 
 def test_water_that_is_not_known_makes_a_mode_alternate_which_is_noticed(chain, water):

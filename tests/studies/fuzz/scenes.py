@@ -194,7 +194,7 @@ def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
             size, sentences = predicted(scene), scene.remarks()
             assert size.cells <= MAX_CELLS, size
             assert size.disk <= MAX_DISK, size
-            assert size.cpu <= MAX_CPU, size
+            assert size.cpu <= MAX_CPU, size.cpu
             for stage in STAGES[: STAGES.index(until) + 1]:
                 signal.alarm(LONGEST_RUN if stage == "run" else LONGEST_STAGE)
                 with contextlib.suppress(*[_Late] if stage == "run" else []):
@@ -258,6 +258,7 @@ def main() -> None:
     lines = ["scenes,first,outcome,count"]
     if args.table.exists():
         lines = args.table.read_text().splitlines()
+    known = len(lines)
     done = {(row["scenes"], int(row["first"])) for row in DictReader(lines)}
     for name, begin, end, part, until in (  # part: scenes between two writes, 10 to 20 s
         ("drawn", args.solved, args.examples, 50, "case"),
@@ -272,6 +273,8 @@ def main() -> None:
             print(*rows, sep="\n", flush=True)
             lines += rows
             write_text(args.table, "\n".join(lines) + "\n")
+    if len(lines) == known:
+        print(f"{args.table}: complete; delete it to draw anew")
 
 
 if __name__ == "__main__":

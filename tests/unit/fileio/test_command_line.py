@@ -140,6 +140,8 @@ def test_a_stage_is_made_and_a_dry_run_makes_nothing(tmp_path, capsys):
     words = ["run", str(scene.folder), "--level", "tiny", "--until", "kinematics"]
     assert main([*words, "--dry-run"]) == 0
     assert capsys.readouterr().out == "kinematics: not made yet\nabout 1 s of CPU time\n"
+    assert main(["run", str(scene.folder), "--level", "tiny", "--dry-run"]) == 0
+    assert "\nthe flow: about 700 cells, 420 steps, " in capsys.readouterr().out
     assert not scene.out.exists()
     assert main([*words, "--quiet"]) == 0
     assert main([*words, "--dry-run"]) == 0

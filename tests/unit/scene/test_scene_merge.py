@@ -73,6 +73,13 @@ def test_what_a_child_says_wins_over_a_level_of_its_parent(child, level, near_ce
     assert replaced == dict.fromkeys(("model.kind", "mesh.tip_cell", "numerics.time_step"), child)
 
 
+@pytest.mark.parametrize("motion, noted", [("", True), ("[motion]\nend_time = 1.0\n", False)])
+def test_a_view_for_all_levels_is_noted_unless_the_motion_is_another(child, motion, noted):
+    (child.parents[1] / "parent" / "scene.toml").write_text("[levels.smoke.sheet]\nspacing = 1.0\n")
+    child.write_text(f'extends = "../parent"\n{motion}[sheet]\nspacing = 2.0\n')
+    assert ("sheet.spacing" in resolve(read_layers(child), "smoke")[1]) is noted
+
+
 @pytest.mark.parametrize(
     "more, gone",
     [
