@@ -129,12 +129,12 @@ STAGES = (
         ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "run", "sheet",
          "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
-        version=4, cost=(35, 900), threads=True,
+        version=5, cost=(35, 900), threads=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",
         ("figures", "compare", "run"), ("report.html",),
-        {"title": True, "name": True, "level": True}, version=3, cost=(1, 900),
+        {"title": True, "name": True, "level": True}, version=4, cost=(1, 900),
     ),
 )  # fmt: skip
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}

@@ -31,7 +31,7 @@ _WEIGHT = (0.7, 1.6)  # points of a judged vortex: at nothing, and added at its 
 _OTHER: dict[str, Any] = _MARK | {"color": GREY, "linewidth": 1.0}
 _LINEAR = 0.15  # of the colours' limit: above it they are compressed, so that weak vortices show
 _MARKED = ["x", "y", "radius", "circulation"]
-_RIVAL = 0.1  # of the strongest at that instant: what is weaker is not marked
+_RIVAL = 0.08  # of the strongest at that instant: the ventral pair of a pinch has 0.097
 _SHADE: dict[str, Any] = {"origin": "lower", "interpolation": "bilinear"}
 _ARROWS: dict[str, Any] = {
     "units": "xy",
