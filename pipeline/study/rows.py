@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import tomllib
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -99,8 +101,8 @@ def check_name(name: str, key: str) -> None:
 
 
 def parse_cell(text: str) -> Any:
-    """The JSON value of a cell, or its text where it is no JSON."""
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError:
-        return text
+    """The value of a cell as in JSON or in scene.toml, or its text where it is neither."""
+    for parse in (json.loads, lambda value: tomllib.loads(f"value = {value}")["value"]):
+        with suppress(ValueError):
+            return parse(text)
+    return text

@@ -14,7 +14,7 @@ from pipeline.runs.make import Machine, make
 from pipeline.runs.run import run_of
 from pipeline.study.outcome import write_outcome
 from pipeline.study.plan import describe, plan_study, run_job
-from pipeline.study.rows import read_study
+from pipeline.study.rows import parse_cell, read_study
 from tests.conftest import ROOT, write_scene
 
 HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
@@ -193,3 +193,10 @@ def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None
     with pytest.raises(SystemExit) as end:
         program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
     assert end.value.code == 3
+
+
+def test_a_value_is_written_as_in_json_or_as_in_the_scene() -> None:
+    stroke = [{"pressure_kpa": 20.0, "start": 0.1}]
+    assert parse_cell('[{"pressure_kpa": 20.0, "start": 0.1}]') == stroke
+    assert parse_cell("[{ pressure_kpa = 20.0, start = 0.1 }]") == stroke
+    assert (parse_cell("1e-3"), parse_cell("LUST"), parse_cell("true")) == (1e-3, "LUST", True)
