@@ -138,7 +138,7 @@ def measure() -> Result:
               "2 % of the mass of cylinder and water: the time step alone is 0.1 %",
               wanted / DRY_PERIOD, source),
         Check("sprung.decrement", "logarithmic decrement", decrement, 0.2, "relative",
-              "the theory is that of a steady oscillation; a fifth of it is 0.3 % of the amplitude a cycle",
+              "theory of a steady oscillation; a fifth is 0.3 % of the amplitude a cycle",
               lost, source),
     )  # fmt: skip
     text = (
