@@ -170,7 +170,7 @@ def vortex_table(
         strong = [t, 3, 0, *centre, strength, core, peak, 2e-4, 2e-4, std, 2e-4, 1e-2 * abs(peak)]
         rows.append([*strong, 0, side, np.hypot(*arm) / THICKNESS, along, across])
         weak = [t, 1, 0, -0.03, 0.15, 3e-4, 0.005, 4.0, 1e-3, 1e-3, 1e-4, 1e-3, 0.1]
-        rows.append([*weak, 0, "", 4.0, 0.02, 0.06])
+        rows.append([*weak, 0, "dorsal", 4.0, 0.02, 0.06])
     return pd.DataFrame(rows, columns=FILE_COLUMNS)
 
 

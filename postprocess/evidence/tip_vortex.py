@@ -17,11 +17,9 @@ COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """vortices.csv by time, an absent side as ""."""
+    """The table of vortices, sorted by time."""
     names = (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
-    table = vortex_table.read_vortices(path, names)
-    side = table["side"].astype(object).fillna("").astype(str)
-    return table.assign(side=side).sort_values("time", ignore_index=True)
+    return vortex_table.read_vortices(path, names).sort_values("time", ignore_index=True)
 
 
 def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.Series:
