@@ -1,7 +1,5 @@
 """Shared fixtures: small scenes made from the shipped ones."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The environment of a make that a test runs: nothing in it of the make that runs the tests."""
 
-from __future__ import annotations
-
 import os
 
 # an outer make's jobs and command line, and the values that it exports

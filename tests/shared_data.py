@@ -1,7 +1,5 @@
 """Public recordings and fields of other projects, where this machine has them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A synthetic pinch: tests/synthetic_stroke.py and its mirror image, with known PIV errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ A finger of constant curvature hangs from (0, 0.24) m and bends from 0 to `bend_
 three-pole law. A Lamb–Oseen vortex grows on the dorsal side of its tip, clockwise (negative).
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

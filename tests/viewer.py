@@ -1,7 +1,5 @@
 """A visitor of the page of `piv view`: serves it, and uses its mouse and keys."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

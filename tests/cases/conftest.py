@@ -1,7 +1,5 @@
 """A copy of the project in which scenes are made, and readers of runs."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

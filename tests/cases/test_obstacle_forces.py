@@ -1,7 +1,5 @@
 """A finger between two cylinders: what the water does to each, of the solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

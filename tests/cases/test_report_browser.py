@@ -1,7 +1,5 @@
 """The report in a real browser: opens from disk without any request; slider and film work."""
 
-from __future__ import annotations
-
 import json
 import time
 

@@ -1,7 +1,5 @@
 """A study through Snakemake on this machine: equal stages once, a refusal as a result, kills."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """From stage files to the page: what comparison.json says, and the form of report.html."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

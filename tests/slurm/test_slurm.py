@@ -3,8 +3,6 @@
 Opt-in: make test-slurm (Debian's slurm-wlm, root). The log goes to docs/cluster_log.txt.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

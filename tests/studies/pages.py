@@ -1,7 +1,5 @@
 """Texts and tables that studies write into the docs, and the machine that they ran on."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

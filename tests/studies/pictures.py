@@ -3,8 +3,6 @@
 python -m tests.studies.pictures single_finger pinch    (the repository's root; LEVEL as in make)
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -4,8 +4,6 @@ Of the runs of cases/pinch/studies/variations.csv that are made: findings and nu
 and what the flow between the fingers does to a small sphere. Rows of other runs stay. SI units.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any

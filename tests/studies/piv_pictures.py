@@ -1,7 +1,5 @@
 """`make docs`: pictures of PIV, by the commands of its pages, and of turbulence."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -3,8 +3,6 @@
 python -m tests.studies.reference
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable

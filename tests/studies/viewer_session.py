@@ -3,8 +3,6 @@
 python -m tests.studies.viewer_session    (the repository's root; `make docs` runs it, too)
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import time

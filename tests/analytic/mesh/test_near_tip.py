@@ -1,7 +1,5 @@
 """Where mesh.near_cell holds: along the tip's whole path, or about the tip that is meshed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fileio.formats.kinematics import read_kinematics

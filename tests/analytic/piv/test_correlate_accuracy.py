@@ -1,7 +1,5 @@
 """Accuracy of the correlation on rendered particles whose displacement is exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Pressure from vectors against exact flows, with noise; loads on a moving body."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planes of three-dimensional turbulence: smoothing, window sizes, uncertainty."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Differences of two plane series: known ones are recovered, equal series give zero."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Circulation of the tip's dorsal side: exact vortices, and a body that turns in water at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The load in the sheet as a quantity of two sources."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

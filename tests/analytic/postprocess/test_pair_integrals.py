@@ -1,7 +1,5 @@
 """Integrals of exact vortex pairs beside two tips, also where their cores overlap."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Two fingers with known flow: vortex pairs, parting line, region between, time windows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

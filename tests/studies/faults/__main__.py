@@ -1,7 +1,5 @@
 """`make faults`: what kills, disks, damaged and foreign files do to every stage of a small run."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -4,8 +4,6 @@ A fault either leaves a stage complete or is refused in one sentence; afterwards
 undisturbed one.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

@@ -1,7 +1,5 @@
 """A small scene whose every stage takes seconds, and the differences of two of its runs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged copies of valid files: the same seed gives the same inputs."""
 
-from __future__ import annotations
-
 import random
 
 WORDS = (

@@ -3,8 +3,6 @@
 python -m tests.studies.fuzz.scenes: what the table holds is not made again; delete it first.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -3,8 +3,6 @@
 A reader reads a damaged file or refuses it with one sentence; anything else is a fault.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ one core; RMS errors are per component over the vectors at least 24 px from the 
 method gives. --docs writes the tables into docs/piv_benchmarks.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 

@@ -4,8 +4,6 @@ CPU time, which other programs on the machine hardly change. --docs writes the f
 docs/piv_benchmarks.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -1,7 +1,5 @@
 """Further figures of the benchmark: bias, vortex fit, five frames, threads, rendering."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

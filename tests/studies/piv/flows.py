@@ -1,7 +1,5 @@
 """Displacement functions (px, y up) of the benchmark, and its conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

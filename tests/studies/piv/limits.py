@@ -4,8 +4,6 @@ python -m tests.studies.piv.limits [--docs]   Own results only, seeds 3101 and u
 which served no tuning; --docs writes them into docs/piv_benchmarks.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Noise of the vectors with and without smoothing, its reach, and the sampling kernel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from piv.correlation.interpolate import kernel_values

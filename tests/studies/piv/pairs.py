@@ -1,7 +1,5 @@
 """Pairs of pictures from a displacement function, by the renderer of the product."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

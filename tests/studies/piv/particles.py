@@ -1,7 +1,5 @@
 """A small particle-image renderer of the tests: exact pixel integration, mid-point truth."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Results of the same images that are there already are kept, so that a run that w
 where it was.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

@@ -6,8 +6,6 @@ repositories' names; none of it may be passed on with the project. --docs writes
 docs/piv_benchmarks.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

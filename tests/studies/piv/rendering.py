@@ -1,7 +1,5 @@
 """Speed of the renderer: a vortex that drifts through a plane series."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Errors of vectors against the truth, and what is told of them in a row of a table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ the same environment. --docs writes the tables into docs/piv_benchmarks; --alone
 out and prints only.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -7,8 +7,6 @@ curl-free part ∫S k_z²/k² dk_z and the velocity normal to the plane ∫S κ�
 independent. Divergence then has a fifth of vorticity's mean square.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 

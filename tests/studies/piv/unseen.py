@@ -3,8 +3,6 @@
 Own results only; --docs writes the table into docs/piv_benchmarks.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 

@@ -5,8 +5,6 @@ rolled up, is rendered as the scene's camera sees it and evaluated. Writes
 docs/record/vortex_row.csv: which part of the vortices is found.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

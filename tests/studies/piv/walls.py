@@ -1,7 +1,5 @@
 """A vortex core that touches a moving body: vectors at the wall and the fit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from piv.correlation.pair import correlate_pair

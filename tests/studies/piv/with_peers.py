@@ -4,8 +4,6 @@ OpenPIV 0.26 (windef, four configurations) and PIVtools 0.7 are installed in `.v
 first run, or where BENCH_VENV says.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

@@ -4,8 +4,6 @@ The runs are studies of one axis at a time and of corners, whose rows may fail. 
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from datetime import UTC, datetime

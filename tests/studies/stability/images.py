@@ -3,8 +3,6 @@
 Axes: seeding, displacement, saturation, noise, particle size; no particles, masked pictures.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

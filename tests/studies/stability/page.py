@@ -1,7 +1,5 @@
 """Page docs/stability.md and its maps, from the studies stability, faults and fuzz."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections import Counter

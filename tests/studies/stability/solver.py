@@ -1,7 +1,5 @@
 """How a run of the study ended; a completed run with impossible numbers is WRONG."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`python -m tests.studies.validation`: the checks of docs/verification.md and the page."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Checks of a flow (quantity, reference, result, tolerance, reason) and its results file."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import asdict, dataclass, field

@@ -5,8 +5,6 @@ ratios as Celik et al. (2008, J. Fluids Eng. 130:078001). More grids, or an unso
 squares of Eça & Hoekstra (2014, J. Comput. Phys. 262:104).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

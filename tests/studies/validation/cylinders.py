@@ -1,7 +1,5 @@
 """Cylinders: oscillating in still water, started impulsively, accelerated from rest."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.kinematics.rigid_body import smooth_step, travelled

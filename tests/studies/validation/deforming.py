@@ -1,7 +1,5 @@
 """Two vortices of closed form and a uniform stream on a mesh that is deformed through them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

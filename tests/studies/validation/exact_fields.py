@@ -1,7 +1,5 @@
 """PIV and vortex code on exact fields: Lamb-Oseen, Rankine, Batchelor and Taylor-Green."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

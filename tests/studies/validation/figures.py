@@ -1,7 +1,5 @@
 """Figures of the ledger, drawn from results files alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The finger on several grids and time steps: tip vortex, forces, and their uncertainties."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

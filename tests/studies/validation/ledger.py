@@ -1,7 +1,5 @@
 """The ledger: docs/verification.md and its figures, from the files in docs/verification/."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

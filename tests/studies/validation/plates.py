@@ -1,7 +1,5 @@
 """The starting vortex of a sharp edge: a thin plate moved broadside on from rest, U ∝ t^m."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

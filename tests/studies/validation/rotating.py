@@ -1,7 +1,5 @@
 """A plate that rotates in still water: the vortex of its tip, and discrete ones in the layer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

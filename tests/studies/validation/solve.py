@@ -1,7 +1,5 @@
 """Runs of the scenes of cases/validation, which `make validate` makes by the project's stages."""
 
-from __future__ import annotations
-
 import json
 import resource
 import tomllib

@@ -1,7 +1,5 @@
 """A transparent body: the mesh moves with it, and water is on both sides of its outline."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A recording in chunks: joined, equal to the serial file to the last byte."""
 
-from __future__ import annotations
-
 import shutil
 import time
 import tracemalloc

@@ -1,7 +1,5 @@
 """What correlate_pair accepts, refuses, masks and flags."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import fields
 from typing import get_type_hints

@@ -1,7 +1,5 @@
 """Recordings to plane series: units, resume, threads, masks, the command line."""
 
-from __future__ import annotations
-
 import json
 
 import cv2

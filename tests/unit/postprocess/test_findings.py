@@ -1,7 +1,5 @@
 """The schema of findings.toml and its judgement."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Limits of an agreement follow what the recording can resolve."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

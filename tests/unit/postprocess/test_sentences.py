@@ -1,7 +1,5 @@
 """Sentences of the paper: what answers each, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

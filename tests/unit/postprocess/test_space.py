@@ -1,7 +1,5 @@
 """The flow in space: what is drawn is where the flow turns, in the colour of its sense."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """The middle of the stroke and the velocity scale."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

@@ -1,7 +1,5 @@
 """The flow along the trace of the finger."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

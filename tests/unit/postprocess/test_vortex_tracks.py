@@ -1,7 +1,5 @@
 """Choice and comparison of the tip vortex."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

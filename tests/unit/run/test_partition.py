@@ -1,7 +1,5 @@
 """Columns of cells for many ranks: equal load, every rank in one piece, few shared faces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import coo_array

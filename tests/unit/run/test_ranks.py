@@ -1,7 +1,5 @@
 """Where the ranks' files lie, and files that hold a block of each."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The time series for ParaView, of fields written by hand and read by VTK."""
 
-from __future__ import annotations
-
 import re
 import shutil
 

@@ -1,7 +1,5 @@
 """Making the stages of a run: what is made, taken over, refused, and what a kill leaves behind."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """What a change of a scene makes stale: the stages whose result it changes, and no other."""
 
-from __future__ import annotations
-
 import shutil
 from functools import cache
 from pathlib import PurePath

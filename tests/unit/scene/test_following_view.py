@@ -1,7 +1,5 @@
 """The camera follows from the finger's path, and a tip that it does not see is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

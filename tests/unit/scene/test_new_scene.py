@@ -1,7 +1,5 @@
 """softfinger new: a scene of an own finger in which everything fits, or a sentence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

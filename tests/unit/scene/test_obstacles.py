@@ -1,7 +1,5 @@
 """[[obstacle]]: what is refused, and what the mesh makes of the rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import shapely

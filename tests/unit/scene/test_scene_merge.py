@@ -1,7 +1,5 @@
 """Inheritance of scenes: tables are merged by entry, a law's parameters go with their law."""
 
-from __future__ import annotations
-
 import pytest
 
 from pipeline.scene.read_toml import merge, read_layers, resolve

@@ -1,7 +1,5 @@
 """The Makefile: a façade that lists its targets and hands every name and value to the program."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 

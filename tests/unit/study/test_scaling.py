@@ -1,7 +1,5 @@
 """The time of a run on n ranks: the measurements that it is made of, and its limits."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """A study's table: its rows, the jobs that are left, what runs share, how a run may end."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What accuracy costs: the front, errors of known size, and the choice by accuracy or by time."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
