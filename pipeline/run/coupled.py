@@ -48,8 +48,8 @@ from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.water_inertia import forces_of_water
 
 _FRAME = 0.01  # of a time step, by which the displacement of an instant stands after it
-_STALE_TURN = np.radians(25.0)  # of the tip, after which the water's inertia is computed anew
-_HESSIAN = 5  # steps that the mesh's Hessian serves, and between two checks of its quality
+_STALE_TURN = np.radians(45.0)  # of the tip, after which the water's inertia is computed anew
+_HESSIAN = 10  # steps that the mesh's Hessian serves, and between two checks of its quality
 # deg above the limit of non-orthogonality, which the guessed shapes keep; the cycle needed 0.1
 _BEYOND = 5.0
 _PAUSE = 1e-3  # s
@@ -224,7 +224,7 @@ class Follower:
         run, history = self._run, self._run.history
         turn = run.bend(number)
         if run.inertia_turn is None or abs(turn - run.inertia_turn) > _STALE_TURN:
-            history.inertia, run.inertia_turn = self._inertia(number), turn
+            history.inertia[number + 1 :], run.inertia_turn = self._inertia(number), turn
         history.first_order = history.first_order or history.alternates(number)
         if number < run.last:
             run.advance(number)
@@ -337,7 +337,8 @@ class Follower:
         run = self._run
         density, copies = run.scene.fluid.density, PER_FINGER[run.scene.model.kind]
         posed = Posed(run.finger, *run.state(number))
-        run.history.loads[number] = posed.loads(self._surface(number), density, copies)[0][1:]
+        loads, _ = posed.loads(self._surface(number), density, copies)
+        run.history.take(number, loads[1:])
         self._known = number
         self._advance(number)
 

@@ -76,7 +76,7 @@ STAGES = (
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(1, 500), temporary=True, coupled_version=2,
+        folders=("case",), cost=(1, 500), temporary=True, coupled_version=3,
     ),
     Stage(
         "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",

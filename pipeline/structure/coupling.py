@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain
@@ -25,7 +24,6 @@ from pipeline.structure.motion import (
     advance,
     at_rest,
     felt,
-    motion,
     past,
     turning,
 )
@@ -62,9 +60,10 @@ class Coupling:
     """A coupled motion at the solver's steps, known up to a number of them.
 
     `pressure` (time,) Pa; `delta` (time, slice) rad; `loads` of the water and of a `contact`
-    (time, slice, 3): N along and across each slice, and N m; `inertia` of the water (slice, 3,
-    slice + 1): as Surroundings', and last by the pressure's second derivative at fixed headings,
-    N s²/Pa and N m s²/Pa. `first_order`: whether the loads are continued as their mean.
+    (time, slice, 3): N along and across each slice, and N m; `rest`: of the water's loads without
+    those of the `inertia` (time, slice, 3, slice + 1), by which the step to that time was made: as
+    Surroundings', and last by the pressure's second derivative at fixed headings, N s²/Pa and
+    N m s²/Pa. `first_order`: whether the rest is continued as its mean.
     """
 
     def __init__(
@@ -74,52 +73,49 @@ class Coupling:
         self.chain, self.step, self.water, self.pressure = chain, step, water, pressure
         self.unloaded = chain.unloaded(pressure)
         self.loads = np.zeros((len(pressure), chain.slices, 3))
-        self.contact = np.zeros_like(self.loads)
+        self.contact, self.rest = np.zeros_like(self.loads), np.zeros_like(self.loads)
         self.delta = np.zeros(self.loads.shape[:2])
         self.delta[0] = at_rest(chain, float(pressure[0]), water, self.loads[0])
-        self.inertia = np.zeros((chain.slices, 3, chain.slices + 1))
+        self.inertia = np.zeros((*self.loads.shape, chain.slices + 1))
         self.first_order = False
 
-    @property
-    def _around(self) -> Surroundings:
-        return replace(self.water, inertia=self.inertia[..., :-1])
+    def _by_pressure(self, number: int) -> FloatArray:
+        """Loads (slice, 3) of the walls' acceleration at fixed headings."""
+        return -self.inertia[number, ..., -1] * felt(self.pressure[past(number)], self.step)
 
-    def _of_pressure(self, numbers: NDArray[np.intp]) -> FloatArray:
-        """Loads (number, slice, 3) of the walls' acceleration at fixed headings."""
-        times = np.array([past(number) for number in numbers.tolist()])
-        return np.multiply.outer(felt(self.pressure[times.T], self.step), -self.inertia[..., -1])
+    def take(self, number: int, loads: FloatArray) -> None:
+        """The water's loads (slice, 3) at time `number`, up to which the motion is known."""
+        times = past(number)
+        rate = turning(self.unloaded, times, self.delta[times], self.step)
+        turned = self.inertia[number, ..., :-1] @ rate
+        self.loads[number] = loads
+        self.rest[number] = loads + turned - self._by_pressure(number)
 
-    def _rest(self, numbers: NDArray[np.intp]) -> FloatArray:
-        """Loads (number, slice, 3) at numbered times without those of the inertia."""
-        rest = self.loads[numbers] - self._of_pressure(numbers)
-        for row, number in zip(rest, numbers.tolist(), strict=True):
-            times = past(number)
-            rate = turning(self.unloaded, times, self.delta[times], self.step)
-            row += self.inertia[..., :-1] @ rate
-        return rest
+    def _moved(self, number: int, rest: FloatArray, delta: FloatArray) -> FloatArray:
+        """Rotations (slice,) at time `number` after those of `delta` (time, slice), rad."""
+        times = past(number)
+        around = replace(self.water, inertia=self.inertia[number, ..., :-1])
+        loads = rest + self._by_pressure(number) + self.contact[number]
+        pressure, before = float(self.pressure[number]), delta[times[1:]]
+        return advance(
+            self.chain, self.unloaded, times, pressure, self.step, around, loads, before
+        )
 
     def next_delta(self, number: int) -> FloatArray:
-        """Rotations (slice,) rad after time `number`, up to which the motion is known.
+        """Rotations (slice,) rad after time `number`, up to which the loads are known.
 
         The contact is that of the next time.
         """
         weights = _MEAN if self.first_order else _PARABOLA
-        numbers = np.maximum(number - np.arange(len(weights)), 0)
-        loads = np.tensordot(weights, self._rest(numbers), 1)
-        loads += self.contact[number + 1] + self._of_pressure(np.array([number + 1]))[0]
-        times = past(number + 1)
-        pressure, earlier = float(self.pressure[number + 1]), self.delta[times[1:]]
-        return advance(
-            self.chain, self.unloaded, times, pressure, self.step, self._around, loads, earlier
-        )
+        before = np.maximum(number - np.arange(len(weights)), 0)
+        return self._moved(number + 1, np.tensordot(weights, self.rest[before], 1), self.delta)
 
     def alternates(self, number: int) -> bool:
         """Whether the rest of the loads changes its sign from step to step, and grows."""
         if number < _SIGNS + 4:
             return False
-        numbers = np.arange(number - _SIGNS - 1, number + 1)
         arm = self.chain.arc[self.chain.joints[:-1]]
-        bent = np.diff(self._rest(numbers)[..., 1] @ arm, 2)
+        bent = np.diff(self.rest[number - _SIGNS - 1 : number + 1, :, 1] @ arm, 2)
         half = len(bent) // 2
         until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
         most = np.abs(self.loads[: number + 1, :, 1] @ arm).max()
@@ -128,9 +124,9 @@ class Coupling:
     def check(self) -> Check:
         """What the loads make of the whole motion; the modelled inertia leaves no trace in it."""
         chain, pressure, delta = self.chain, self.pressure, self.delta
-        numbers = np.arange(len(delta))
-        rest = self._rest(numbers) + self._of_pressure(numbers) + self.contact
-        after = motion(chain, pressure, self.step, self._around, rest, delta[0])
+        after = delta.copy()
+        for number in range(1, len(delta)):
+            after[number] = self._moved(number, self.rest[number], after)
         change = chain.profile(pressure, after) - chain.profile(pressure, delta)
         # an impact takes energy within a step, in which it is not resolved
         touched = np.flatnonzero(self.contact.any(axis=(1, 2)))
