@@ -97,9 +97,7 @@ class Coupling:
         around = replace(self.water, inertia=self.inertia[number, ..., :-1])
         loads = rest + self._by_pressure(number) + self.contact[number]
         pressure, before = float(self.pressure[number]), delta[times[1:]]
-        return advance(
-            self.chain, self.unloaded, times, pressure, self.step, around, loads, before
-        )
+        return advance(self.chain, self.unloaded, times, pressure, self.step, around, loads, before)
 
     def next_delta(self, number: int) -> FloatArray:
         """Rotations (slice,) rad after time `number`, up to which the loads are known.

@@ -16,7 +16,8 @@ from fileio.formats.bending_states import FloatArray
 from fileio.formats.mesh_intervals import PER_FINGER
 from pipeline.geometry.quality import cell_areas, cell_centres, planform_edges
 
-_ACCURATE = 3e-2  # of the sources: 1 % of the inertia, of which a third may be wrong (test_coupling.py)
+# of the sources: 1 % of the inertia, of which a third may be wrong (test_coupling.py)
+_ACCURATE = 3e-2
 
 
 def forces_of_water(
@@ -99,13 +100,12 @@ def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> Fl
     The level of the pressure, which the gaps alone hold, converges by a term of its own. In single
     precision, whose dot products start no threads.
     """
-    single = np.float32
-    matrix, diagonal, right = (each.astype(single) for each in (matrix, diagonal, right))
+    single, share = matrix.astype(np.float32), (1 / diagonal).astype(np.float32)
     open_ = matrix.sum()
-
-    def nearly(rest: FloatArray) -> FloatArray:
-        return rest / diagonal + rest.sum() / open_
-
-    preconditioner = LinearOperator(matrix.shape, nearly, dtype=single)
-    columns = [cg(matrix, one, rtol=_ACCURATE, M=preconditioner)[0] for one in right.T]
-    return np.column_stack(columns)
+    preconditioner = LinearOperator(
+        matrix.shape, lambda rest: share * rest + rest.sum() / open_, dtype=np.float32
+    )
+    columns = right.T.astype(np.float32)
+    return np.column_stack(
+        [cg(single, column, rtol=_ACCURATE, M=preconditioner)[0] for column in columns]
+    )
