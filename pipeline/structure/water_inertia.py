@@ -101,7 +101,7 @@ def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> Fl
     precision, whose dot products start no threads.
     """
     single, share = matrix.astype(np.float32), (1 / diagonal).astype(np.float32)
-    open_ = matrix.sum()
+    open_ = float(matrix.sum())  # one of NumPy would make it all double
     preconditioner = LinearOperator(
         matrix.shape, lambda rest: share * rest + rest.sum() / open_, dtype=np.float32
     )
