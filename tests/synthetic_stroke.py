@@ -196,13 +196,7 @@ def write_case(
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
     if with_piv:
         piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
-        write_plane(
-            piv,
-            out / "piv.h5",
-            source="piv",
-            seed=2017,
-            **more,
-        )
+        write_plane(piv, out / "piv.h5", source="piv", seed=2017, **more)
         _write_vortices(
             vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv"
         )
@@ -329,11 +323,7 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
         "unexplained": 1e-6,
         "unexplained_fraction": 0.004,
     }
-    run = {
-        "format": "run",
-        "format_version": 1,
-        "versions": {"openfoam": "v1912"},
-    }
+    run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}}
     run |= {"scene": scene}
     run |= {
         "level": level,

@@ -226,11 +226,7 @@ def test_the_first_screen_has_the_answer_with_its_numbers(made):
 
 @pytest.mark.parametrize(
     "name, stage",
-    [
-        ("sheet.h5", "compare"),
-        ("vortices_cfd.csv", "compare"),
-        ("comparison.json", "report"),
-    ],
+    [("sheet.h5", "compare"), ("vortices_cfd.csv", "compare"), ("comparison.json", "report")],
 )
 def test_a_missing_required_input_is_one_sentence(made, tmp_path, name, stage):
     shutil.copytree(made.scene_folder, tmp_path / "single_finger")
@@ -293,9 +289,8 @@ def test_processes_change_no_picture(made, tmp_path):
     shutil.copytree(made.scene_folder.parent, tmp_path / "cases")
     files = opened(tmp_path / "cases" / made.scene)
     pictures = [f.relative_to(made.figures) for f in made.figures.rglob("*") if f.is_file()]
-    drawn = [
-        f for f in pictures if f.name != "costs.svg" and f.name[0] != "."
-    ]  # the report draws what all has cost
+    # the report draws what all has cost
+    drawn = [f for f in pictures if f.name != "costs.svg" and f.name[0] != "."]
     for name in drawn:
         (files.figures / name).unlink()
     with pytest.MonkeyPatch.context() as patch:

@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.fea.cell.bending_law import (
-    air,
-    bending_law,
-    curvatures,
-    rubber,
-    stiffness,
-)
+from pipeline.fea.cell.bending_law import air, bending_law, curvatures, rubber, stiffness
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import UnitCell
 from tests.finger_cell import ACTUATOR, SMALL, shipped_states

@@ -99,9 +99,8 @@ def test_cantilever_does_not_lock():
     held[mesh.points[:, 2] == 0, 2] = True
     end = x == length
     young = 9 * bulk * MU / (3 * bulk + MU)
-    force = (
-        0.01 * length * 3 * young * width * height**3 / 12 / length**3
-    )  # 1 % of the length: small
+    # 1 % of the length: small
+    force = 0.01 * length * 3 * young * width * height**3 / 12 / length**3
     load = np.zeros(mesh.points.shape)
     load[end, 1] = force / end.sum()
     moved = newton(body, np.flatnonzero(held), load.ravel(), steps=1)

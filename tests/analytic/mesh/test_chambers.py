@@ -36,9 +36,8 @@ def strip(wedge_deg: float) -> Strip:
 def test_seven_gaps_of_the_given_size_are_missing(wedge_deg):
     of = strip(wedge_deg)
     outline = shapely.Polygon(np.column_stack([of.s, of.eta * HEIGHT]))
-    slab = (
-        shapely.box(0, 0, LENGTH, HEIGHT).area - (4 - np.pi) * 0.002**2
-    )  # its corners are rounded by 2 mm
+    # its corners are rounded by 2 mm
+    slab = shapely.box(0, 0, LENGTH, HEIGHT).area - (4 - np.pi) * 0.002**2
     wedge = HEIGHT - 0.0095
     gap = 0.002 * (HEIGHT - 0.0069) + np.tan(np.radians(wedge_deg)) * wedge**2
     # corners of 0.7 mm: those at the ground take as much as those at the top give

@@ -26,9 +26,8 @@ def kinematics(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
 
 
 def test_a_stroke_is_settled_to_two_percent_after_its_duration():
-    assert three_pole(np.array(SETTLING_2_PERCENT)) == pytest.approx(
-        0.98, abs=1e-5
-    )  # the constant's own digits
+    # the constant's own digits
+    assert three_pole(np.array(SETTLING_2_PERCENT)) == pytest.approx(0.98, abs=1e-5)
     law = stroke_law(1e3, [(20e3, 0.1, 0.4)])
     assert law(np.array([0.0, 0.1])) == pytest.approx([1e3, 1e3])
     assert law(np.array([0.5])) == pytest.approx([20e3 - 0.02 * 19e3], rel=1e-5)

@@ -64,9 +64,8 @@ def test_four_cells_or_more_span_the_gap(quarter):
     nodes = stage["points"].values[-1]
     wall = nodes[stage["wall"].values]
     nearest = wall[wall[:, 0].argmax()]
-    assert nearest[0] == pytest.approx(
-        -0.5e-3, abs=0.1e-3
-    )  # nodes lie up to half a cell beside the nearest point
+    # nodes lie up to half a cell beside the nearest point
+    assert nearest[0] == pytest.approx(-0.5e-3, abs=0.1e-3)
     line = shapely.LineString([nearest, [0.0, nearest[1]]])
     water = stage["triangles"].values[stage["body"].values == 0]
     cells = [shapely.Polygon(nodes[c]) for kind in (water, stage["quads"].values) for c in kind]
@@ -144,9 +143,8 @@ def test_bodies_are_left_out_exactly_and_have_patches(held):
     water_volume, depth, mesh = volume(held, stage)
     assert footprint(stage, "support") == pytest.approx(0.06 * 0.02, rel=1e-12)
     rim = 0.5 * np.pi * 0.012**2
-    assert (
-        0.97 * rim < footprint(stage, "object") < rim
-    )  # half a circle, as a polygon of 4 mm edges
+    # half a circle, as a polygon of 4 mm edges
+    assert 0.97 * rim < footprint(stage, "object") < rim
     bodies = 0.014 * (footprint(stage, "finger") + footprint(stage, "object")) + 0.025 * 0.06 * 0.02
     assert water_volume == pytest.approx(0.3 * 0.3 * depth - bodies, rel=1e-12)
     for name in ("finger", "object", "support", "mirror"):

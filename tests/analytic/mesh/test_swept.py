@@ -55,9 +55,8 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
     quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1).reshape(
         -1, 4
     )
-    low = (
-        np.abs(nodes[quads].mean(1)[:, 1] - 0.4) < 0.15
-    )  # away from the corners, where a triangle has one neighbour
+    # away from the corners, where a triangle has one neighbour
+    low = np.abs(nodes[quads].mean(1)[:, 1] - 0.4) < 0.15
     cut = quads[low]
     triangles, quads = np.vstack([cut[:, :3], cut[:, [0, 2, 3]]]), quads[~low]
     corner = [nodes[cells].mean(1) for cells in (triangles, quads)]
@@ -122,9 +121,8 @@ def test_a_smooth_flow_is_carried_to_second_order():
             error = result - vortex(centres(target))
             errors[kind].append(np.sqrt(square_sum(target, error, error)))
     for coarse, fine in errors.values():
-        assert np.log2(coarse / fine) == pytest.approx(
-            2.0, abs=0.3
-        )  # rows beside the hole are one-sided
+        # rows beside the hole are one-sided
+        assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.3)
 
 
 @pytest.mark.parametrize("counts", [(5, 6), (6, 4)])

@@ -140,9 +140,8 @@ def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
     # 78 vectors, and those that are interpolated from one of them
     assert 60 < (seen["flag"] == UNCERTAIN).sum() < 150
     middle = plane["u_std"].values[plane.sizes["y"] // 2, plane.sizes["x"] // 2]
-    assert middle == pytest.approx(
-        0.05 * calibration.pixel / interval, rel=0.05
-    )  # local scale, barrel ± 5 %
+    # local scale, barrel ± 5 %
+    assert middle == pytest.approx(0.05 * calibration.pixel / interval, rel=0.05)
 
 
 def test_rectified_board_is_square(calibrated):

@@ -41,9 +41,8 @@ def test_rows_of_pixels_rolled_up_give_positive_v():
         )
     )
     ds = inner(correlate_pair(image, np.roll(image, -3, axis=0)))
-    assert np.allclose(
-        ds["v"], 3, atol=0.01
-    )  # whole pixels: only the smooth predictor's rest remains
+    # whole pixels: only the smooth predictor's rest remains
+    assert np.allclose(ds["v"], 3, atol=0.01)
     assert np.allclose(ds["u"], 0, atol=0.01)
 
 
@@ -243,9 +242,8 @@ def test_pictures_of_other_particles_give_no_field(preset):
 def test_pictures_at_the_extremes_give_no_plausible_wrong_answer(axis, value, preset):
     case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
     row = images.run_case(case, preset)
-    assert row["ended"] in ("completed", "all flagged"), (
-        row
-    )  # at most 5 % of the valid off by over half a pixel
+    # at most 5 % of the valid off by over half a pixel
+    assert row["ended"] in ("completed", "all flagged"), row
     if value == "0.01":
         assert row["valid"] > 0.98
 

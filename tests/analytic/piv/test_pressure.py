@@ -17,11 +17,8 @@ RHO = 998.2  # kg/m³
 GRID = np.arange(-0.04, 0.0401, 1e-3)  # m
 TIMES = np.arange(9) * 4e-3  # s
 MIDDLE = 4
-RADIUS, AMPLITUDE, OMEGA = (
-    0.01,
-    0.01,
-    2 * np.pi * 2.0,
-)  # m, m, 1/s: the cylinder moves 0.5 mm a field
+# m, m, 1/s: the cylinder moves 0.5 mm a field
+RADIUS, AMPLITUDE, OMEGA = (0.01, 0.01, 2 * np.pi * 2.0)
 ABOUT = (0.0, 0.02)  # m
 
 

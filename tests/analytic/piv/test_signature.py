@@ -45,6 +45,5 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
     # noisy pictures reaches a fifth of that in place
     assert seen.circulation == pytest.approx(known.circulation, rel=0.05)
     assert np.hypot(seen.x - known.x, seen.y - known.y) < 0.3e-3
-    assert seen.core_radius == pytest.approx(
-        known.core_radius, rel=0.1
-    )  # windows of 32 px = 0.8 core radii broaden it
+    # windows of 32 px = 0.8 core radii broaden it
+    assert seen.core_radius == pytest.approx(known.core_radius, rel=0.1)

@@ -56,9 +56,8 @@ def test_pixel_values_are_the_exact_integral_of_the_gaussian():
         )  # fmt: skip
         # within 1e-4 of a grey level
         assert image[row, column] == pytest.approx(exact, abs=1e-4)
-    assert image.sum() == pytest.approx(
-        200 * np.pi * 2.5**2 / 8, abs=1e-3
-    )  # cut off where it is below 1e-5
+    # cut off where it is below 1e-5
+    assert image.sum() == pytest.approx(200 * np.pi * 2.5**2 / 8, abs=1e-3)
 
 
 def test_noise_has_the_size_that_is_asked_for():

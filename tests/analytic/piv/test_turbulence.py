@@ -115,6 +115,5 @@ def test_what_is_computed_of_strong_turbulence_is_the_whole_flow(noise, flagged)
     assert np.isfinite(alone).mean() < 0.75
     true = 2.5 * np.array(plane()(*np.meshgrid(ds["x"], ds["y"])))
     rms = np.sqrt(np.mean([ds[n].where(ok).values ** 2 for n in ("u", "v")], where=ok.values))
-    assert rms == pytest.approx(
-        np.sqrt(np.mean(true**2)), rel=0.01
-    )  # 0.1 and 0.3 %; 2 % too large without those that are uncertain
+    # 0.1 and 0.3 %; 2 % too large without those that are uncertain
+    assert rms == pytest.approx(np.sqrt(np.mean(true**2)), rel=0.01)

@@ -29,9 +29,8 @@ def test_identical_series_differ_by_nothing():
     plane = linear_series(X, Y, TIME, hole=True)
     sums = fields.field_sums(plane, plane)
     assert fields.rms_difference(sums) < 1e-15  # rounding of the grid coordinates alone
-    assert fields.correlation(sums) == pytest.approx(
-        1.0, abs=1e-12
-    )  # rounding of a quotient of sums
+    # rounding of a quotient of sums
+    assert fields.correlation(sums) == pytest.approx(1.0, abs=1e-12)
     assert (sums["points"] == plane["valid"].sum(("y", "x")).values).all()
     assert (sums["share"] == 1.0).all()
 
@@ -39,15 +38,11 @@ def test_identical_series_differ_by_nothing():
 def test_other_grid_and_other_times_are_interpolated_exactly():
     reference = linear_series(X, Y, TIME)
     other = linear_series(X[3:-3:2] + 0.0007, Y[2:-2:3] + 0.0004, 0.5 * (TIME[1:] + TIME[:-1]))
-    assert (
-        fields.rms_difference(fields.field_sums(reference, other)) < 1e-14
-    )  # linear in x, y, t: rounding only
+    # linear in x, y, t: rounding only
+    assert fields.rms_difference(fields.field_sums(reference, other)) < 1e-14
 
 
-@given(
-    du=st.floats(-0.5, 0.5).filter(lambda d: abs(d) > 1e-6),
-    dv=st.floats(-0.5, 0.5),
-)
+@given(du=st.floats(-0.5, 0.5).filter(lambda d: abs(d) > 1e-6), dv=st.floats(-0.5, 0.5))
 @settings(max_examples=20, deadline=None)
 def test_a_uniform_offset_is_recovered_with_its_sign(du, dv):
     reference, other = linear_series(X, Y, TIME, hole=True), linear_series(X, Y, TIME, du=du, dv=dv)
@@ -116,9 +111,8 @@ def test_order_of_convergence_of_the_interpolation_is_two():
         reference = swirl(np.linspace(-0.05, 0.05, n), np.linspace(0.1, 0.2, n))
         errors.append(fields.rms_difference(fields.field_sums(reference, at)))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert orders == pytest.approx(
-        2.0, abs=0.15
-    )  # bilinear; sampling of the error at 37 points scatters a little
+    # bilinear; sampling of the error at 37 points scatters a little
+    assert orders == pytest.approx(2.0, abs=0.15)
 
 
 def test_series_without_a_common_instant_are_refused():

@@ -22,11 +22,7 @@ def vortex(time, finger, x, y, circulation, track=0, distance=0.5, side="dorsal"
         "y": y,
         "circulation": circulation,
         "track": track,
-    } | {
-        "radius": 0.004,
-        "side": side,
-        **place,
-    }
+    } | {"radius": 0.004, "side": side, **place}
 
 
 def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
@@ -110,9 +106,8 @@ def test_the_flow_parts_where_it_does(offset):
     assert line["stagnation_y"] == pytest.approx(0.171, abs=1e-9)
     assert (line["jet_speed"], line["jet_y"]) == pytest.approx((2.0 * 0.071, 0.10))
     assert (line["rise_speed"], line["rise_y"]) == pytest.approx((2.0 * (0.24 - 0.171), 0.24))
-    assert line["pressure_gap"] == pytest.approx(
-        100 * 0.026
-    )  # at 0.174, the lowest node within half a width of the tips
+    # at 0.174, the lowest node within half a width of the tips
+    assert line["pressure_gap"] == pytest.approx(100 * 0.026)
 
 
 def test_share_and_angle_of_a_stagnation_flow_are_exact():
@@ -133,9 +128,8 @@ def test_streams_below_the_noise_part_nothing():
     assert np.isnan(centreline.parting_height(noise, y, 0.15, 0.002))
     flow = 0.05 * np.tanh((y - 0.16) / 0.01) + noise
     assert centreline.parting_height(flow, y, 0.15, 0.002) == pytest.approx(0.16, abs=1e-3)
-    assert np.isnan(
-        centreline.parting_height(-flow, y, 0.15, 0.002)
-    )  # from up to down is a collision, no parting
+    # from up to down is a collision, no parting
+    assert np.isnan(centreline.parting_height(-flow, y, 0.15, 0.002))
 
 
 def test_a_plane_that_does_not_reach_between_the_fingers_is_refused():

@@ -11,10 +11,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 
 LONGEST, SHORTEST = 400.0, 20.0  # px: wavelengths of the inertial range, nothing beyond either
-DOMAIN = (
-    1600,
-    2000,
-)  # px: rows and columns after which the field repeats; four of the longest waves and more
+# px: rows and columns after which the field repeats; four of the longest waves and more
+DOMAIN = (1600, 2000)
 DEPTHS = 400  # points of the integral over k_z
 
 

@@ -200,9 +200,8 @@ def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
     plane = read_vectors([path], **told)
     np.testing.assert_allclose(plane["x"], [8e-4, 16e-4])
     np.testing.assert_allclose(plane["y"], [83e-4, 91e-4])  # 99 - 16, 99 - 8
-    assert plane["v"].values[1, 0] == pytest.approx(
-        -2.0 * 1e-4 / 0.002
-    )  # the top row; down becomes negative
+    # the top row; down becomes negative
+    assert plane["v"].values[1, 0] == pytest.approx(-2.0 * 1e-4 / 0.002)
     assert plane["v"].values[0, 0] == pytest.approx(-3.0 * 1e-4 / 0.002)
     assert plane["flag"].values.tolist() == [[0, 2], [0, 1]]
 
@@ -321,13 +320,11 @@ def test_davis_through_lvpyio(tmp_path):
     assert plane["valid"].values[3, 3] == 0  # row 2 from the top of 6
     assert (plane["valid"].values == 0).sum() == 1
     assert plane["u"].values[0, 7] == pytest.approx(14.0)
-    assert plane["v"].values[0, 0] == pytest.approx(
-        -10.0
-    )  # the lowest row: 5 rows down, times 2, upwards negative
+    # the lowest row: 5 rows down, times 2, upwards negative
+    assert plane["v"].values[0, 0] == pytest.approx(-10.0)
 
-    frame.scales.y = lv.Scale(
-        0.1, 50.0, "mm", "y"
-    )  # the axis down as well: the same vectors stand on their heads
+    # the axis down as well: the same vectors stand on their heads
+    frame.scales.y = lv.Scale(0.1, 50.0, "mm", "y")
     lv.write_buffer(buffer, str(tmp_path / "b.vc7"))
     down = read_vectors([tmp_path / "b.vc7"])
     np.testing.assert_allclose(down["y"], -(50 + 1.6 * (np.arange(6) + 0.5))[::-1] * 1e-3)

@@ -230,8 +230,7 @@ def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
     assert not five.attrs["shake_unknown"]
     assert error(five)[0] < error(pair)[0] / 1.5  # asked for; 4 to 5 measured
     slope = np.arange(-2, 3) @ camera / 10
-    assert error(five)[1] == pytest.approx(
-        np.hypot(*slope), abs=0.03
-    )  # frames' own shifts to 0.01 px
+    # frames' own shifts to 0.01 px
+    assert error(five)[1] == pytest.approx(np.hypot(*slope), abs=0.03)
     # 1.5 here, 4 to 16 of other shakes
     assert error(correlate_frames(frames, shake=False))[0] > 1.2 * error(five)[0]

@@ -79,9 +79,8 @@ def test_phase_average_of_a_sine_under_noise():
     assert average.sizes["time"] == 20
     assert (average["n"].values == 20).all()
     mean = average["u"].mean(("y", "x")).values
-    np.testing.assert_allclose(
-        mean, wave[:20], atol=0.01
-    )  # 0.1/sqrt(20 * 432): ten times the standard error
+    # 0.1/sqrt(20 * 432): ten times the standard error
+    np.testing.assert_allclose(mean, wave[:20], atol=0.01)
     np.testing.assert_allclose(average["uu"].mean(), 0.01, rtol=0.05)
 
 

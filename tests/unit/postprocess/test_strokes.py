@@ -9,9 +9,8 @@ from postprocess.evidence.strokes import peak_tip_speed, progress, stroke_window
 
 def test_window_is_in_fractions_of_bend():
     time = np.linspace(0, 1, 101)
-    assert stroke_window(time, 2 * time**2, (0.25, 0.81)) == pytest.approx(
-        (0.5, 0.9), abs=2e-4
-    )  # linear in between
+    # linear in between
+    assert stroke_window(time, 2 * time**2, (0.25, 0.81)) == pytest.approx((0.5, 0.9), abs=2e-4)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

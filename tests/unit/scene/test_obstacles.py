@@ -26,10 +26,7 @@ BOX = '[[obstacle]]\nshape = "box"\ncentre = [-0.06, 0.17]\nsize = [0.02, 0.04]\
             CIRCLE.format(x=0.04, y=0.2, more=""),
             r"finger meets obstacle\[0\] \(circle\) at .*; move it",
         ),
-        (
-            CIRCLE.format(x=0.295, y=0.16, more=""),
-            r"reaches x from 0\.285 .*; keep it within",
-        ),
+        (CIRCLE.format(x=0.295, y=0.16, more=""), r"reaches x from 0\.285 .*; keep it within"),
         (
             CIRCLE.format(x=0.08, y=0.16, more="depth = 0.0281\n"),
             r"depth = 0\.0281 m .*; give 0\.028",

@@ -23,13 +23,7 @@ from pipeline.study.accuracy import (
 from pipeline.study.plan import Row
 from postprocess.draw.style import save
 from postprocess.draw.tradeoff import error_over_cost
-from postprocess.studies.errors import (
-    dorsal_error,
-    force_error,
-    own_errors,
-    vortex_errors,
-    worst,
-)
+from postprocess.studies.errors import dorsal_error, force_error, own_errors, vortex_errors, worst
 from postprocess.studies.tradeoff import finest, front, write_results
 from tests.conftest import ROOT
 
