@@ -58,23 +58,19 @@ def write_scene(
 
 
 def motion_of(scene: Scene) -> FingerMotion:
-    """The motion of a scene's finger."""
     return finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
 
 
 def meshes_of(scene: Scene) -> list[IntervalMesh]:
-    """The meshes of a scene's intervals."""
     return read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
 
 
 @pytest.fixture
 def tiny(tmp_path: Path) -> Scene:
-    """A 2-D scene of a few hundred cells."""
     return write_scene(tmp_path / "tiny")
 
 
 def prepare(scene: Scene) -> Scene:
-    """Run the stages before the solver."""
     scene.out.mkdir(parents=True, exist_ok=True)
     for stage in (kinematics, mesh, case):
         stage.run(scene, quiet=True)

@@ -19,7 +19,6 @@ from tests.inner_make import inner_environment
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
-    """A copy of the project without results, linked to this environment."""
     folder = tmp_path_factory.mktemp("project")
     for name in ("Makefile", "requirements.lock", "pyproject.toml"):
         shutil.copy2(ROOT / name, folder / name)
@@ -31,7 +30,6 @@ def project(tmp_path_factory):
 
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
-    """Run a user's make at level smoke."""
     options = ("--no-print-directory", "LEVEL=smoke", "QUIET=1")
     command, environment = ["make", *options, *arguments], inner_environment()
     return subprocess.run(
@@ -47,18 +45,15 @@ def solving(scene: Scene) -> list[str]:
 
 
 def copy_of(scene: Scene, folder: Path) -> Scene:
-    """The same prepared scene in another folder."""
     shutil.copytree(scene.folder, folder, symlinks=True)
     return load_scene(folder, scene.level)
 
 
 def table(scene: Scene, name: str = "forces") -> np.ndarray:
-    """A table of a run."""
     return np.loadtxt(scene.out / "run" / f"{name}.csv", delimiter=",", skiprows=1)
 
 
 def record(scene: Scene) -> dict:
-    """run.json."""
     return json.loads((scene.out / "run" / "run.json").read_text())
 
 

@@ -189,13 +189,6 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     assert (pinch / "report.html").read_text().count('id="pinch"') == 1
 
 
-def test_wrong_input_is_one_sentence(project):
-    done = make(project, "single_finger", "LEVEL=huge")
-    assert done.returncode != 0
-    (sentence,) = [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
-    assert "no level 'huge'" in sentence
-
-
 DENSE = """
 extends = "../single_finger"
 title = "Enough cells for four ranks"

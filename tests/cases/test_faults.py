@@ -7,9 +7,7 @@ import pytest
 from fileio.record import record_path
 from pipeline.runs.make import Machine
 from pipeline.study.outcome import write_outcome
-from tests.studies.faults.campaign import Campaign, disks, kills, swapped, twice
-from tests.studies.faults.project import small_run
-from tests.studies.stability import images
+from tests.studies.faults.campaign import Campaign, disks, kills, twice
 from tests.studies.stability.solver import result
 
 pytestmark = pytest.mark.openfoam
@@ -56,13 +54,6 @@ def test_a_sampled_plane_that_was_zeroed_is_refused_and_then_made_again(solved):
     assert solved.again("sheet") == ""
 
 
-def test_a_foreign_result_with_its_record_is_made_again(solved):
-    other = small_run(solved.folder / "other" / "small", pressure=14.0)
-    assert solved.make("kinematics", other).answer() == (0, "")
-    rows = list(swapped(solved, other.out, "another scene", ["kinematics"], ["mesh"]))
-    assert [(row["recomputed"], row["wrong"]) for row in rows] == [(1, 0)], rows
-
-
 TINY = {
     "model.kind": "2d", "motion.end_time": 0.02, "numerics.time_step": 1e-3,
     "motion.strokes": [{"pressure_kpa": 10.0, "start": 0.002, "duration": 0.05}],
@@ -94,15 +85,3 @@ def test_a_run_ends_in_one_of_three_ways(solved, tmp_path, changes, ended, words
     assert str(tmp_path) not in judged["reason"]
     if ended == "completed":
         assert judged["from_nothing_fraction"] < 0.01
-
-
-@pytest.mark.parametrize("name", ["no particles, noise", "all mask", "0.04"])
-def test_pictures_without_an_answer_give_none(name):
-    case = next(c for c in images.cases() if c.value == name)
-    row = images.run_case(case, "fast")
-    assert row["ended"] != "WRONG", row
-    if name == "0.04":
-        assert row["ended"] == "completed"
-        assert row["valid"] > 0.9
-    else:
-        assert row["ended"] == "refused" or row["wrong_unflagged"] <= images.MAX_UNFLAGGED

@@ -76,14 +76,3 @@ def test_a_scene_is_its_toml_alone(project, name):
     comparison = json.loads((out / "comparison.json").read_text())
     assert {check["kind"] for check in comparison["checks"]} == {"agreement"}
     assert SCENES[name].split('"')[1] in (out / "report.html").read_text()
-
-
-def test_a_finger_that_would_hit_the_bottom_is_refused(project):
-    folder = project / "cases" / "deep"
-    folder.mkdir()
-    (folder / "scene.toml").write_text(NEAR_THE_BOTTOM.replace("0.095", "0.065"))
-    done = make(project, "deep")
-    assert done.returncode != 0
-    (sentence,) = (line for line in done.stderr.splitlines() if line.startswith("kinematics:"))
-    assert "hits the bottom" in sentence
-    assert "raise finger.root" in sentence

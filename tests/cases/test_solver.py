@@ -13,7 +13,6 @@ from tqdm import tqdm
 
 from fileio.errors import StageError
 from fileio.formats.mesh_intervals import read_planform
-from pipeline.case import numbers_text
 from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.environment import foam_version
@@ -276,27 +275,8 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
     assert np.isfinite(table(scene)).all()
 
 
-def test_a_guard_stops_the_run_and_keeps_the_files(tmp_path):
-    scene = short_scene(tmp_path / "fast", numerics=", max_courant = 1.55")
-    with pytest.raises(StageError, match=r"stopped at .* by a guard: Courant number"):
-        run_stage.run(scene, quiet=True)
-    assert (scene.out / "case" / "interval_0" / "log.pimpleFoam").stat().st_size > 0
-    assert not (scene.out / "run" / "run.json").exists()
-
-
 def test_the_error_of_a_failing_solver_has_its_last_lines(tmp_path):
     scene = short_scene(tmp_path / "broken")
     (scene.out / "case" / "interval_0" / "0" / "U").write_text("nonsense")
     with pytest.raises(StageError, match="last lines"):
         run_stage.run(scene, quiet=True)
-
-
-def test_the_shipped_base_case_is_complete():
-    """Every number that a template names is in its own system/numbers."""
-    base = ROOT / "cases" / "_base"
-    text = "\n".join(path.read_text() for path in base.rglob("*") if path.is_file())
-    defined = set(re.findall(r"(?m)^(\w+)\s", (base / "system" / "numbers").read_text()))
-    assert set(re.findall(r"\$(\w+)", text)) - {"p"} == defined
-    assert "timeStep" in numbers_text({"timeStep": "1"})
-    with pytest.raises(StageError, match="occurs 0 times"):
-        set_number(base, "noSuchNumber", "1")

@@ -49,7 +49,6 @@ def copy_of_project(folder: Path) -> Path:
 
 
 def start(runs: Path) -> subprocess.Popen[str]:
-    """The study, from the folder of its project."""
     words = [sys.executable, "-m", "pipeline", "study", "cases/small/studies/trial.csv"]
     return subprocess.Popen(
         words, cwd=runs.parents[4], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
@@ -58,7 +57,6 @@ def start(runs: Path) -> subprocess.Popen[str]:
 
 
 def study(runs: Path) -> str:
-    """Run the study to its end; returns what it prints."""
     process = start(runs)
     text = process.communicate(timeout=600)[0]
     assert process.returncode == 0, text[-3000:]
@@ -78,13 +76,11 @@ def killed_at(runs: Path, reached: Path) -> None:
 
 
 def result(runs: Path) -> pd.DataFrame:
-    """The study's table."""
     return pd.read_csv(runs / "table.csv").set_index("run")
 
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):
-    """A study that has run to its end, undisturbed."""
     runs = copy_of_project(tmp_path_factory.mktemp("studied"))
     study(runs)
     return runs

@@ -23,7 +23,6 @@ BLOCK = re.compile(r"(?m)^(?:`(?P<file>[^`\n]+)`:\n)?```(?P<kind>\w+)\n(?P<body>
 
 @pytest.fixture
 def clone(project, tmp_path):
-    """A project with the tutorials, as after a fresh clone."""
     shutil.copytree(project, tmp_path / "clone", symlinks=True)
     shutil.copytree(TUTORIALS, tmp_path / "clone" / "docs" / "tutorials")
     return tmp_path / "clone"
@@ -63,7 +62,6 @@ def follow(page: str, folder: Path) -> int:
 
 
 def expect(lines: list[str], printed: str, page: str) -> None:
-    """Each line is printed, in order."""
     rest = printed
     for line in lines:
         pattern = ".*".join(re.escape(part) for part in line.split("…"))
@@ -131,7 +129,6 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
 @pytest.mark.openfoam
 @pytest.mark.slow
 def test_an_own_finger_its_recording_and_its_results(clone):
-    """One run for three pages."""
     assert follow("own_finger.md", clone) <= 4
     out = clone / "cases" / "my_finger" / "out" / "smoke"
     assert (out / "report.html").stat().st_size > 100_000

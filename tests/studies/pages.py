@@ -1,17 +1,15 @@
 """Texts and tables that studies write into the docs, and the machine that they ran on."""
 
-import csv
-import io
-import json
 import os
 import platform
 import time
-from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+
+import pandas as pd
 
 from fileio.atomic import write_text
+from postprocess.tables import write_table
 
 PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks"
 
@@ -30,22 +28,8 @@ def write_study(name: str, text: str) -> None:
         before = line
     for k, (head, _, *lines) in enumerate(tables, 1):
         columns, *rows = ([c.strip() for c in row.strip("| ").split("|")] for row in (head, *lines))
-        cells = [dict(zip(columns, row, strict=True)) for row in rows]
-        write_table(PIV / f"{name}_{k}.csv", columns, cells)
+        write_table(PIV / f"{name}_{k}.csv", pd.DataFrame(rows, columns=columns))
     write_text(PIV / f"{name}.txt", "\n".join(notes).strip() + "\n")
-
-
-def write_table(
-    path: Path, columns: Iterable[str], rows: Iterable[dict[str, Any]], made: Any = None
-) -> None:
-    """Write a CSV; keys that are no column are left out. `made`: JSON of a first `#` line."""
-    text = io.StringIO()
-    if made is not None:
-        text.write(f"# {json.dumps(made)}\n")
-    writer = csv.DictWriter(text, list(columns), "", "ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
 
 
 def machine() -> str:

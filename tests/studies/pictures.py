@@ -15,6 +15,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
@@ -32,10 +33,10 @@ from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
 from postprocess.report.wording import requirement
+from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
 from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene
 from tests.studies import piv_pictures, viewer_session
-from tests.studies.pages import write_table
 from tests.webdriver import CHROMEDRIVER, CHROMIUM
 
 DOCS = Path("docs")
@@ -63,10 +64,9 @@ def copy_numbers(scene: str, level: str) -> None:
     out = load_scene(Path("cases") / scene, level).out
     name = scene if level == "coarse" else f"{scene}_{level}"
     checks = json.loads((out / "comparison.json").read_text(encoding="utf-8"))["checks"]
-    columns = ("finding", "asked for", "measured", "verdict")
     rows = [(c["finding"], requirement(c), measured_text(c), VERDICTS[c["met"]]) for c in checks]
-    found = [dict(zip(columns, row, strict=True)) for row in rows]
-    write_table(DOCS / f"scenes/{name}_findings.csv", columns, found)
+    found = pd.DataFrame(rows, columns=["finding", "asked for", "measured", "verdict"])
+    write_table(DOCS / f"scenes/{name}_findings.csv", found)
 
     run = RUN.read(out / "run/run.json")
     balance = run["power_balance"]
@@ -85,8 +85,8 @@ def copy_numbers(scene: str, level: str) -> None:
         "taken by coupling pressure and velocity": f"{taken['coupling'] / work:.0%}",
         "unexplained": f"{abs(balance['unexplained_fraction']):.1%}",
     }
-    taken_by = [{"run": fact, "value": value} for fact, value in facts.items()]
-    write_table(DOCS / f"scenes/{name}_run.csv", ("run", "value"), taken_by)
+    table = pd.DataFrame(facts.items(), columns=["run", "value"])
+    write_table(DOCS / f"scenes/{name}_run.csv", table)
 
 
 def _copy(picture: Path, target: Path) -> None:

@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from piv.correlation.pair import correlate_pair
 from piv.sequence.ensemble import correlate_ensemble
 from piv.sequence.multiframe import correlate_frames
+from tests.studies.piv.flows import lamb_oseen, sine
+from tests.studies.piv.flows import uniform as shift
 from tests.studies.piv.particles import render
 from tests.studies.stability import images
 
 SHAPE = (320, 384)
 MIDDLE = (191.5, 159.5)
-
-
-def shift(dx, dy):
-    return lambda x, y: (dx + 0 * x, dy + 0 * x)
 
 
 def inner(ds):
@@ -31,15 +30,7 @@ def rms(ds, flow):
 
 def test_rows_of_pixels_rolled_up_give_positive_v():
     # without any renderer: a pattern moved up by three rows of the array
-    image = np.random.default_rng(1).normal(size=SHAPE)
-    image = np.real(
-        np.fft.ifft2(
-            np.fft.fft2(image)
-            * np.exp(
-                -20 * (np.add.outer(np.fft.fftfreq(SHAPE[0]) ** 2, np.fft.fftfreq(SHAPE[1]) ** 2))
-            )
-        )
-    )
+    image = gaussian_filter(np.random.default_rng(1).normal(size=SHAPE), 1.0, mode="wrap")
     ds = inner(correlate_pair(image, np.roll(image, -3, axis=0)))
     # whole pixels: only the smooth predictor's rest remains
     assert np.allclose(ds["v"], 3, atol=0.01)
@@ -71,12 +62,7 @@ def test_noisy_shift_is_near_the_bound_of_a_32_px_window():
 
 
 def test_steep_vortex_core_is_neither_erased_nor_flagged():
-    def flow(x, y):
-        rx, ry = x - MIDDLE[0], y - MIDDLE[1]
-        r2 = rx**2 + ry**2 + 1e-9
-        swirl = 6 * 1.12091 * 20 / 0.71533 / r2 * (1 - np.exp(-r2 / 400))
-        return -swirl * ry, swirl * rx
-
+    flow = lamb_oseen(20, 6, MIDDLE)
     a, b = render(flow, shape=SHAPE, seed=26, noise=0.05)
     ds = correlate_pair(a, b)
     r = np.hypot(ds["x"] - MIDDLE[0], ds["y"] - MIDDLE[1]).transpose("y", "x").values
@@ -89,9 +75,7 @@ def test_steep_vortex_core_is_neither_erased_nor_flagged():
 
 
 def test_waves_as_short_as_the_window_are_followed_or_flagged():
-    def flow(x, y):
-        return np.sin(2 * np.pi * y / 32), 0 * x
-
+    flow = sine(32, 1)
     a, b = render(flow, shape=SHAPE, seed=51, noise=0.05)
     ds = inner(correlate_pair(a, b))
     u, v = flow(*np.meshgrid(ds["x"], ds["y"]))
@@ -109,43 +93,24 @@ def test_waves_as_short_as_the_window_are_followed_or_flagged():
 
 
 @pytest.mark.parametrize(
-    "ppp, seeds, least, most",
+    "window, ppp, noise, seeds, least, most",
     [
         # 68 % is meant, 60-76 % asked; three small images hold about 150 independent windows: ±4 %
-        (0.04, (27, 28, 29), 0.58, 0.80),
-        # 60-76 % asked; eight images scatter by ±0.8 % (2.2 % each), and without the count of cells
-        # it is 56 %
-        (0.01, range(1701, 1709), 0.60, 0.76),
+        (32, 0.04, 0.05, (27, 28, 29), 0.58, 0.80),
+        # eight images scatter by ±0.8 % (2.2 % each), and without the count of cells it is 56 %
+        (32, 0.01, 0.05, range(1701, 1709), 0.60, 0.76),
+        # small windows: each row's own value is in docs/piv_benchmarks.md
+        (16, 0.04, 0.05, (1731, 1732, 1733), 0.72, 0.87),  # the count of cells doubts too much
+        (20, 0.04, 0.05, (1731, 1732, 1733), 0.68, 0.84),
+        (24, 0.04, 0.05, (1731, 1732, 1733), 0.64, 0.80),
+        (24, 0.01, 0.05, (1731, 1732, 1733), 0.58, 0.76),
+        (24, 0.04, 0.0, (1731, 1732, 1733), 0.52, 0.68),  # clean: too sure
     ],
 )
-def test_uncertainty_covers_two_thirds_of_the_errors(ppp, seeds, least, most):
-    flow = shift(1.3, 2.6)
+def test_uncertainty_covers_two_thirds_of_the_errors(window, ppp, noise, seeds, least, most):
     inside = []
     for seed in seeds:
-        a, b = render(flow, shape=SHAPE, seed=seed, noise=0.05, ppp=ppp)
-        ds = inner(correlate_pair(a, b, smoothing=False))
-        covered = np.abs(ds["u"] - 1.3) < ds["u_std"]
-        inside.append(covered.values[ds["valid"].values > 0].mean())
-    assert least < np.mean(inside) < most
-
-
-@pytest.mark.parametrize(
-    "window, ppp, noise, least, most",
-    [
-        # 60-76 % asked; three small images scatter by ±4 %; each row's own value is in
-        # docs/piv_benchmarks.md
-        (16, 0.04, 0.05, 0.72, 0.87),  # the count of cells doubts too much
-        (20, 0.04, 0.05, 0.68, 0.84),
-        (24, 0.04, 0.05, 0.64, 0.80),
-        (24, 0.01, 0.05, 0.58, 0.76),
-        (24, 0.04, 0.0, 0.52, 0.68),  # clean: too sure
-    ],
-)
-def test_small_windows_know_their_uncertainty(window, ppp, noise, least, most):
-    flow = shift(1.3, 2.6)
-    inside = []
-    for seed in (1731, 1732, 1733):
-        a, b = render(flow, shape=SHAPE, seed=seed, noise=noise, ppp=ppp)
+        a, b = render(shift(1.3, 2.6), shape=SHAPE, seed=seed, noise=noise, ppp=ppp)
         ds = inner(correlate_pair(a, b, window=window, smoothing=False))
         inside.append((np.abs(ds["u"] - 1.3) < ds["u_std"]).values[ds["valid"].values > 0].mean())
     assert least < np.mean(inside) < most
@@ -198,13 +163,7 @@ def test_steep_core_beside_a_moving_body():
     # as behind a finger's tip: a core of 20 px, 0.45 px/px steep, whose edge touches the mask of a
     # body that moves
     wall = 165.0
-
-    def flow(x, y):
-        rx, ry = x - wall - 20, y - MIDDLE[1]
-        r2 = rx**2 + ry**2 + 1e-9
-        swirl = 6 / 0.638173 * 20 / r2 * (1 - np.exp(-r2 / 400))
-        return -swirl * ry, swirl * rx
-
+    flow = lamb_oseen(20, 6, (wall + 20, MIDDLE[1]))
     a, b = render(flow, shape=SHAPE, seed=28, noise=0.02)
     column = np.arange(SHAPE[1])
     masks = [np.broadcast_to(column < wall + side, SHAPE) for side in (-0.5, 0.5)]
@@ -236,6 +195,8 @@ def test_pictures_of_other_particles_give_no_field(preset):
         ("seeding (ppp)", "0.001", "accurate"),  # 15 % of what was called valid was wrong
         ("exposure (peak over full scale)", "0.02", "accurate"),  # all of it
         ("diameter (px)", "0.5", "balanced"),  # 24 %
+        ("special", "no particles, noise", "fast"),
+        ("special", "all mask", "fast"),
         ("seeding (ppp)", "0.01", "balanced"),  # and one that must keep its vectors
     ],
 )
@@ -243,7 +204,7 @@ def test_pictures_at_the_extremes_give_no_plausible_wrong_answer(axis, value, pr
     case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
     row = images.run_case(case, preset)
     # at most 5 % of the valid off by over half a pixel
-    assert row["ended"] in ("completed", "all flagged"), row
+    assert row["ended"] in ("completed", "all flagged", "refused"), row
     if value == "0.01":
         assert row["valid"] > 0.98
 

@@ -7,9 +7,11 @@ from importlib import import_module
 from itertools import chain
 from pathlib import Path
 
+import pandas as pd
+
 from pipeline.runs.stages import STAGES
+from postprocess.tables import write_table
 from tests.studies.faults import campaign
-from tests.studies.pages import write_table
 from tests.studies.stability import page
 
 
@@ -32,8 +34,9 @@ def main() -> int:
             rows.append(row)
             print("; ".join(map(str, row.values())), flush=True)
     if not args.stages:
-        write_table(Path("docs/stability/faults.csv"), campaign.COLUMNS, rows)
-        page.write(Path("docs"))
+        table = pd.DataFrame(rows, columns=campaign.COLUMNS, dtype=object)
+        write_table(Path("docs/stability/faults.csv"), table)
+        page.write(Path("docs/stability"))
     wrong = sum(row["wrong"] for row in rows)
     print(f"{sum(row['times'] for row in rows)} faults, {wrong} ended wrongly")
     return int(wrong > 0)

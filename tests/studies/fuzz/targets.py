@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import h5py
 import numpy as np
 import xarray as xr
-from scipy.io import savemat
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import BendingStates, read_states, write
@@ -28,6 +26,7 @@ from piv.foreign.write import write_vectors
 from piv.images.calibration import load_calibration
 from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording
+from tests.pivlab_session import write_mat5, write_mat73
 
 REFUSALS = (ValueError, OSError)  # a command of piv turns them into one sentence and exit code 2
 STAGE = (StageError, OSError)  # so does the pipeline with these
@@ -215,23 +214,9 @@ PIVLAB = (
 
 def mat_seeds(folder: Path) -> list[bytes]:
     """PIVlab's .mat export, version 5 and 7.3."""
-    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
-    kind = np.array([[1, 1, 2], [0, 1, 1]], float)
-    names = {"x": x, "y": y, "u_original": 0.1 * x, "v_original": 0.2 * y}
-    names["typevector_original"] = kind
-    units = "[px] respectively [px/frame]"
-    cells: dict[str, Any] = {"units": units}
-    for name, values in names.items():
-        cells[name] = np.empty((1, 1), object)
-        cells[name][0, 0] = values
-    for compress in (False, True):
-        savemat(folder / f"a{compress}.mat", cells, do_compression=compress)
-    with h5py.File(folder / "b.mat", "w") as file:
-        for name, values in names.items():
-            file[f"#refs#/{name}"] = values.T
-            file.create_dataset(name, (1, 1), h5py.ref_dtype)[0, 0] = file[f"#refs#/{name}"].ref
-        file["units"] = np.array([[ord(c)] for c in units], np.uint16)
-    return [(folder / name).read_bytes() for name in ("aFalse.mat", "aTrue.mat", "b.mat")]
+    path = folder / "a.mat"
+    plain, packed = (write_mat5(path, compress=c).read_bytes() for c in (False, True))
+    return [plain, packed, write_mat73(path).read_bytes()]
 
 
 def davis_seeds(folder: Path) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""PIV where it becomes worse: short waves, few particles, walls, edges, real pictures.
+"""PIV where it becomes worse: short waves, few particles, walls.
 
 python -m tests.studies.piv.limits [--docs]   Own results only, seeds 3101 and up,
 which served no tuning; --docs writes them into docs/piv_benchmarks.
@@ -7,7 +7,6 @@ which served no tuning; --docs writes them into docs/piv_benchmarks.
 import argparse
 import os
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,12 +15,10 @@ import cv2
 import numpy as np
 
 from piv.correlation.pair import correlate_pair
-from tests.shared_data import shared_data
 from tests.studies.pages import libraries, write_study
 from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
-from tests.studies.piv.noise import sampling, smoothing
 from tests.studies.piv.pairs import render_pair
-from tests.studies.piv.scores import HEAD, Errors, inner, judged, row, without_count_of_cells
+from tests.studies.piv.scores import HEAD, Errors, inner, judged, row
 from tests.studies.piv.walls import walls
 from tests.studies.stability import images
 
@@ -36,7 +33,6 @@ class Limit:
     pairs: int = 4
     render: dict[str, Any] = field(default_factory=dict)
     piv: dict[str, Any] = field(default_factory=dict)
-    few: bool = True  # windows that hold few particles are told so
 
 
 def drifting_vortex(x, y):
@@ -67,9 +63,6 @@ LIMITS = {
     "uniform, 0.002 ppp": Limit(SHIFT, 4, SPARSE | {"density_ppp": 0.002}),
     "vortex, 0.01 ppp": Limit(drifting_vortex, 4, SPARSE),
     "vortex, 0.01 ppp, `--no-smoothing`": Limit(drifting_vortex, 4, SPARSE, {"smoothing": False}),
-    "the same without the count of cells (6)": Limit(
-        drifting_vortex, 4, SPARSE, {"smoothing": False}, few=False
-    ),
     "random field with divergence": Limit(GENERAL, 4, NOISY),
     "random field with divergence, `--no-smoothing`": Limit(
         GENERAL, 4, NOISY, {"smoothing": False}
@@ -83,12 +76,6 @@ CHOSEN = (
     ("diameter (px)", "0.5", "balanced"),
     ("special", "other particles in the second picture", "balanced"),
 )
-REAL = {
-    "convection fingers (jruebsam/pypiv)": "pypiv_finger/real_ana_finger_{}.tif 0 1",
-    "Kármán street (Shrediquette/PIVlab)": "pivlab_karman/PIVlab_Karman_{}.bmp 01 02",
-    "16-bit pair (lento234/pivuq)": "pivuq_particledisparity/B000{}.tif 10 11",
-}
-ANY = 100.0  # px: no vector is less sure
 
 
 def measured(limit: Limit) -> list[Errors]:
@@ -96,8 +83,7 @@ def measured(limit: Limit) -> list[Errors]:
     parts = []
     for seed in range(FIRST, FIRST + limit.pairs):
         pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
-        with nullcontext() if limit.few else without_count_of_cells():
-            parts.append(judged(correlate_pair(*pair, **limit.piv), limit.flow, inner(SHAPE)))
+        parts.append(judged(correlate_pair(*pair, **limit.piv), limit.flow, inner(SHAPE)))
     return parts
 
 
@@ -136,52 +122,14 @@ def extremes(first: int) -> str:
     return "\n".join(lines)
 
 
-def valid_share(a, b, limited: bool) -> float:
-    """Share of valid vectors, with the uncertainty limit and the count of cells or without."""
-    if limited:
-        return float(correlate_pair(a, b)["valid"].mean())
-    with without_count_of_cells():
-        return float(correlate_pair(a, b, max_std=ANY)["valid"].mean())
-
-
-def real_pictures() -> str:
-    """A line of Markdown: share of valid vectors in public pairs of real pictures."""
-    data, shares = shared_data(), []
-    for label, files in REAL.items():
-        name, *numbers = files.split()
-        if data is None or not (data / name.format(numbers[0])).exists():
-            shares.append(f"{label} not at hand")
-            continue
-        pictures = [cv2.imread(str(data / name.format(n)), cv2.IMREAD_UNCHANGED) for n in numbers]
-        a, b = (i[..., 0] if i.ndim == 3 else i for i in pictures)
-        shares.append(f"{label} {valid_share(a, b, True):.1%} ({valid_share(a, b, False):.1%})")
-    return (
-        "- Real pictures, vectors called valid (without `max_std` and the count of cells): "
-        + ", ".join(shares)
-        + "."
-    )
-
-
 def main() -> None:
     """Measure, print, and write to the docs where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--docs", action="store_true", help="write what is found into docs/piv_benchmarks"
-    )
+    parser.add_argument("--docs", action="store_true", help="write it into docs/piv_benchmarks")
     args = parser.parse_args()
     cv2.setNumThreads(1)
-    lines = [
-        table(),
-        "",
-        extremes(FIRST),
-        "",
-        walls(FIRST),
-        "",
-        smoothing(FIRST + 100),
-        sampling(),
-        real_pictures(),
-    ]
-    text = "\n".join([*lines, "", f"Seeds from {FIRST}; {libraries()}."])
+    parts = table(), extremes(FIRST), walls(FIRST), f"Seeds from {FIRST}; {libraries()}."
+    text = "\n\n".join(parts)
     print(text)
     if args.docs:
         write_study("limits", text)

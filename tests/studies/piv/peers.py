@@ -36,12 +36,8 @@ def openpiv(a, b, windows, overlaps, lax):
     s = PIVSettings()
     s.windowsizes, s.overlap, s.num_iterations = windows, overlaps, len(windows)
     if lax:
-        s.median_threshold, s.std_threshold, s.sig2noise_validate, s.sig2noise_method = (
-            20,
-            30,
-            False,
-            None,
-        )
+        s.median_threshold, s.std_threshold = 20, 30
+        s.sig2noise_validate, s.sig2noise_method = False, None
     x, y, u, v, _ = windef.simple_multipass(a.astype(np.int32), b.astype(np.int32), s)
     order = np.argsort(y[:, 0])
     return x[0], y[order, 0], np.asarray(u)[order], np.asarray(v)[order]
@@ -75,14 +71,9 @@ class PIVtools:
         images = np.stack([a, b])[None].astype(np.float32)
         result = self.correlator.correlate_batch(images, self.config)
         last = (result[0] if isinstance(result, list) else result).passes[-1]
-        rows = a.shape[0]
+        y = a.shape[0] - 1 - np.array(last.win_ctrs_y)[::-1]
         u, v = np.array(last.ux_mat, float), -np.array(last.uy_mat, float)
-        return (
-            np.array(last.win_ctrs_x),
-            rows - 1 - np.array(last.win_ctrs_y)[::-1],
-            u[::-1],
-            v[::-1],
-        )
+        return np.array(last.win_ctrs_x), y, u[::-1], v[::-1]
 
 
 def main(folder: Path) -> None:
@@ -104,14 +95,8 @@ def main(folder: Path) -> None:
         for k, (name, method) in enumerate(methods.items()):
             start = time.process_time()
             x, y, u, v = method(pair["a"], pair["b"])
-            out |= {
-                f"{k}_t": time.process_time() - start,
-                f"{k}_x": x,
-                f"{k}_y": y,
-                f"{k}_u": u,
-                f"{k}_v": v,
-                f"{k}_name": name,
-            }
+            found = {"t": time.process_time() - start, "x": x, "y": y, "u": u, "v": v, "name": name}
+            out |= {f"{k}_{key}": value for key, value in found.items()}
         part = file.with_suffix(".part")
         with part.open("wb") as whole:
             np.savez(whole, **out)

@@ -1,13 +1,10 @@
 """Errors of vectors against the truth, and what is told of them in a row of a table."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-
-from piv.correlation import uncertainty
 
 FAR = 0.5  # px
 EDGE = 24  # px
@@ -17,17 +14,6 @@ TOLD = (
     f"of the others > {FAR} px | absent |"
 )
 HEAD = f"RMS error, px | {TOLD}\n|---|---|---|---|---|---|"
-
-
-@contextmanager
-def without_count_of_cells() -> Iterator[None]:
-    """No window has so few cells that they raise its variance."""
-    few = uncertainty.FEW
-    uncertainty.FEW = 1e-9
-    try:
-        yield
-    finally:
-        uncertainty.FEW = few
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +42,8 @@ def errors(ds: xr.Dataset, flow: Callable) -> tuple[np.ndarray, np.ndarray, np.n
     u, v = flow(x, y)
     e = np.stack([ds["u"].values - u, ds["v"].values - v])
     told = "u_std" in ds
-    return (
-        x,
-        y,
-        e,
-        np.stack([ds["u_std"].values, ds["v_std"].values]) if told else np.full_like(e, np.nan),
-    )
+    std = np.stack([ds["u_std"].values, ds["v_std"].values]) if told else np.full_like(e, np.nan)
+    return x, y, e, std
 
 
 def judged(
@@ -72,29 +54,18 @@ def judged(
     where = counts(x, y)
     common = np.isfinite(e).all(axis=0)
     for other in beside:
-        near = other.sel(
-            x=xr.DataArray(x, dims=("j", "i")), y=xr.DataArray(y, dims=("j", "i")), method="nearest"
-        )
+        at = {name: xr.DataArray(axis, dims=("j", "i")) for name, axis in (("x", x), ("y", y))}
+        near = other.sel(at, method="nearest")
         common &= np.isfinite(near["u"].values + near["v"].values)
     flag = ds["flag"].values if "flag" in ds else np.zeros(x.shape)
-    return Errors(
-        e[:, where],
-        std[:, where],
-        flag[where],
-        common[where],
-        ds.attrs.get("cpu_s", 0.0),
-        ds["u"].size,
-    )
+    told = e[:, where], std[:, where], flag[where], common[where]
+    return Errors(*told, ds.attrs.get("cpu_s", 0.0), ds["u"].size)
 
 
 def joined(parts: list[Errors]) -> Errors:
     """Those of several pairs side by side."""
-    return Errors(
-        *(
-            np.concatenate([getattr(p, n) for p in parts], axis=-1)
-            for n in ("e", "std", "flag", "common")
-        )
-    )
+    names = ("e", "std", "flag", "common")
+    return Errors(*(np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names))
 
 
 def rms(e: np.ndarray) -> float:

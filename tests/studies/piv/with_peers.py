@@ -25,27 +25,10 @@ from tests.studies.piv.scores import Errors, judged
 ROOT = Path(__file__).resolve().parents[3]
 OURS = "this project"
 PEERS = [
-    "openpiv==0.26.0",
-    "dask[distributed]",
-    "dask-image",
-    "loguru",
-    "lz4",
-    "pandas",
-    "pillow",
-    "PyYAML",
-    "tifffile",
-    "tqdm",
-    "psutil",
-    "scikit-image",
-    "bottleneck",
-    "scikit-learn",
-    "threadpoolctl",
-    "matplotlib",
-    "cinereader",
-    "rawpy",
-    "numba",
-    "opencv-python-headless",
-]
+    "openpiv==0.26.0", "dask[distributed]", "dask-image", "loguru", "lz4", "pandas", "pillow",
+    "PyYAML", "tifffile", "tqdm", "psutil", "scikit-image", "bottleneck", "scikit-learn",
+    "threadpoolctl", "matplotlib", "cinereader", "rawpy", "numba", "opencv-python-headless",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +42,8 @@ class Pair:
     name: str
     images: tuple[np.ndarray, np.ndarray]
     rows: dict[str, tuple[Callable, Callable]]
-    runs: dict[str, dict[str, Any]] = field(
-        default_factory=lambda: {OURS: {}}
-    )  # options of our own runs
+    # options of our own runs
+    runs: dict[str, dict[str, Any]] = field(default_factory=lambda: {OURS: {}})
 
 
 def arguments(
@@ -71,17 +53,12 @@ def arguments(
     parser = argparse.ArgumentParser(description=text)
     if seeds is not None:
         parser.add_argument("--seeds", type=int, default=seeds, help="pairs per row")
-    parser.add_argument(
-        "--folder", type=Path, help="keep pairs and peers' results there; a stopped run goes on"
-    )
+    kept = "keep pairs and peers' results there; a stopped run goes on"
+    parser.add_argument("--folder", type=Path, help=kept)
     end = parser.add_mutually_exclusive_group()
-    end.add_argument(
-        "--docs", action="store_true", help="write the tables into docs/piv_benchmarks"
-    )
+    end.add_argument("--docs", action="store_true", help="write them into docs/piv_benchmarks")
     if alone:
-        end.add_argument(
-            "--alone", action="store_true", help="our own part without the peers, only printed"
-        )
+        end.add_argument("--alone", action="store_true", help="without the peers, only printed")
     return parser.parse_args()
 
 
@@ -94,9 +71,8 @@ def peer_python() -> Path:
         pip = [python, "-m", "pip", "install", "-q"]
         subprocess.run([*pip, *PEERS], check=True)
         # it asks for Python 3.12 but uses nothing of it here
-        subprocess.run(
-            [*pip, "--no-deps", "--ignore-requires-python", "pivtools==0.7.0"], check=True
-        )
+        alone = ["--no-deps", "--ignore-requires-python", "pivtools==0.7.0"]
+        subprocess.run([*pip, *alone], check=True)
         (folder / ".ready").touch()
     return python
 

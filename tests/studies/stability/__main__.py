@@ -1,4 +1,4 @@
-"""Runs and images at the extremes (python -m tests.studies.stability); the page of the docs.
+"""Runs and images at the extremes (python -m tests.studies.stability), and their maps.
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1.
@@ -10,12 +10,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from tqdm import tqdm
 
 from fileio.command import guarded
 from fileio.provenance import versions
 from pipeline.openfoam.environment import foam_version
-from tests.studies.pages import write_table
+from postprocess.tables import write_table
 from tests.studies.stability import images, page
 from tests.studies.stability.solver import read_plans, result
 
@@ -38,7 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.studies.stability", description=__doc__)
     parser.add_argument("--axes", help="names with commas: only these runs, and no tables")
     parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
-    parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the page")
+    parser.add_argument("--docs", type=Path, default=Path("docs/stability"), help="of the tables")
     args = parser.parse_args()
     faults: list[dict[str, Any]] = []
     code = guarded("stability", lambda: faults.extend(judge(args)))
@@ -49,7 +50,7 @@ def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Collect the endings, evaluate the pictures, write tables and page; return the faults."""
     made = {"date": datetime.now(UTC).date().isoformat()}
     made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
-    folder, ended = args.docs / "stability", list[dict[str, Any]]()
+    folder, ended = args.docs, list[dict[str, Any]]()
     if args.part != "images":
         rows = read_plans(PLANS)
         if args.axes is not None:
@@ -58,15 +59,17 @@ def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         if args.axes is None:
-            write_table(folder / "runs.csv", RUN_COLUMNS, ended, made)
+            table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
+            write_table(folder / "runs.csv", table, made)
     if args.part != "runs" and args.axes is None:
         pictures = [(case, preset) for case in images.cases() for preset in PRESETS]
         progress = tqdm(pictures, "images", unit="pair", disable=None)
         image_rows = [images.run_case(*picture) for picture in progress]
-        write_table(folder / "images.csv", IMAGE_COLUMNS, image_rows, made)
+        table = pd.DataFrame(image_rows, columns=IMAGE_COLUMNS, dtype=object)
+        write_table(folder / "images.csv", table, made)
         ended += image_rows
     if args.axes is None:
-        page.write(args.docs)
+        page.write(folder)
     faults = [row for row in ended if row["ended"] not in FINE]
     for row in faults:
         print(f"{row['axis']} = {row['value']}: {row['ended']}: {row.get('reason', '')}")

@@ -1,25 +1,19 @@
-"""Page docs/stability.md and its maps, from the studies stability, faults and fuzz."""
+"""Maps and summaries of docs/stability.md, from the tables of stability, faults and fuzz."""
 
-import csv
-import json
-from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
+import pandas as pd
 from matplotlib.patches import Patch
 
-from fileio.atomic import whole, write_text
-from pipeline.study.rows import read_study
-from tests.studies.faults.campaign import WAYS
+from fileio.atomic import whole
+from postprocess.tables import write_table
 
 matplotlib.rcParams["svg.hashsalt"] = "softfinger"  # equal pictures give equal files
 
-STUDY = Path(__file__).parents[3] / "cases" / "single_finger" / "studies" / "stability.csv"
-BASE = "pressure_20"  # one axis at a time is changed from this run
 ENDINGS = {  # colour and words of each ending
     "completed": ("#4c9f70", "completed, energy bounded"),
     "refused": ("#5b7db1", "refused beforehand"),
@@ -40,15 +34,12 @@ AXES = {
     "motion": "pressure history", "gap": "gap to the plane", "law": "closing law",
     "corner": "pressure, actuation time,\ntime step and viscosity",
 }  # fmt: skip
-Row = dict[str, str]
 Line = tuple[str, list[tuple[str, str]]]  # a name, and each value with its ending
 
 
-def read_rows(path: Path) -> tuple[dict[str, Any], list[Row]]:
-    """The provenance line and the rows of a table."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    made = json.loads(lines[0][2:]) if lines[0].startswith("# ") else {}
-    return made, list(csv.DictReader(line for line in lines if not line.startswith("# {")))
+def read_rows(path: Path) -> pd.DataFrame:
+    """The rows of a table, all as text."""
+    return pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
 
 
 def tiles(lines: list[Line], width: int, path: Path, **words: str) -> None:
@@ -87,7 +78,7 @@ def tiles(lines: list[Line], width: int, path: Path, **words: str) -> None:
     plt.close(figure)
 
 
-def by_axis(rows: list[Row]) -> list[Line]:
+def by_axis(rows: pd.DataFrame) -> list[Line]:
     """Rows grouped by axis, in the table's order; numbers ascending."""
 
     def number(item: tuple[str, str]) -> float:
@@ -96,131 +87,47 @@ def by_axis(rows: list[Row]) -> list[Line]:
         except ValueError:
             return 0.0
 
-    groups: dict[str, list[tuple[str, str]]] = {}
-    for row in rows:
-        name = AXES.get(row["axis"], row["axis"])
-        groups.setdefault(name, []).append((row["value"], row["ended"]))
-    return [(name, sorted(values, key=number)) for name, values in groups.items()]
-
-
-def counts(rows: list[Row], **words: str) -> str:
-    """`12 completed, 3 refused beforehand`; `words` replace those of ENDINGS."""
-    number = Counter(row["ended"] for row in rows)
-    names = {key: words.get(key, text) for key, (_, text) in ENDINGS.items()}
-    return ", ".join(f"{number[key]} {text}" for key, text in names.items() if number[key])
-
-
-def runs_part(rows: list[Row]) -> list[str]:
-    """Text of the solver's runs."""
-    done = [row for row in rows if row["ended"] == "completed"]
-    worst = max(float(row["from_nothing_fraction"]) for row in done)
-    base = next(row for row in read_study(STUDY) if row.run == BASE)
-    stroke = base.overrides["motion.strokes"][0]
     return [
-        "## Runs\n",
-        "![How each run ended, by axis and value](stability/runs.svg)\n",
-        f"{len(rows)} runs: {counts(rows)}. The base run is the single finger in 2-D at level"
-        f" {base.level}, 0 → {stroke['pressure_kpa']:g} kPa in {stroke['duration']:g} s, time step"
-        f" {1e3 * base.overrides['numerics.time_step']:g} ms. One axis is changed at a time, then"
-        f" corners. At most {worst:.2%} of the energy of a completed run came from nothing."
-        " [All runs](stability/runs.csv).\n",
+        (AXES.get(name, name), sorted(zip(of["value"], of["ended"], strict=True), key=number))
+        for name, of in rows.groupby("axis", sort=False)
     ]
 
 
-def images_part(rows: list[Row]) -> list[str]:
-    """Text of the pictures."""
-    presets = ", ".join(dict.fromkeys(row["preset"] for row in rows))
-    wrong = [row for row in rows if row["ended"] == "WRONG"]
-    return [
-        "## Images\n",
-        "![How each picture ended, by axis and value](stability/images.svg)\n",
-        f"{len(rows)} evaluations: {counts(rows, **OF_IMAGES)}. The pictures show a uniform shift"
-        f" and a vortex, evaluated with the presets {presets}. A vector is wrong where it is called"
-        " valid and is more than 0.5 px from the truth. More than 5 % wrong vectors count as a"
-        " plausible wrong answer. [All evaluations](stability/images.csv).\n",
-        *(
-            f"- Wrong: {row['axis']} {row['value']}, {row['preset']}: {row['wrong_unflagged']}"
-            for row in wrong
-        ),
-    ]
+def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
+    """The faults by kind: on how many stages, how often, and how they ended."""
+    ends = ["times", "completed", "refused", "recomputed", "wrong"]
+    kind = rows["fault"].replace(
+        {r"damaged .*": "input damaged", r".* of another .*": "input of another scene or level"},
+        regex=True,
+    )
+    rows = rows[["stage"]].assign(fault=kind).join(rows[ends].astype(int))
+    return rows.groupby("fault", sort=False).agg({"stage": "nunique"} | dict.fromkeys(ends, "sum"))
 
 
-def faults_part(folder: Path) -> list[str]:
-    """Text of faults of the machine and of files, fuzz and drawn scenes."""
-    faults, scenes = (read_rows(folder / f"{n}.csv")[1] for n in ("faults", "scenes"))
-    outcomes = sorted({row["outcome"] for row in scenes})
-    return [
-        "## Kills, disks, damaged and foreign files (`make faults`)\n",
-        "Faults of a small run, by the number of stages that they were tried on. A stage"
-        " completes, or is refused in one sentence; one more make then ends with what an"
-        " undisturbed run ends with, bit by bit, without its times. A killed make is kill -9 of"
-        " it and all it has started, at random times and just after a stage begins to write."
-        f" Inputs are damaged in these ways: {', '.join(WAYS)}."
-        " Their time stays, so only their content tells."
-        " Inputs of another scene or level come whole, with their record; they are made again."
-        " Each row with its sentence: [faults.csv](stability/faults.csv).\n",
-        fault_table(faults),
-        "## Fuzz of the readers\n",
-        "On 2026-11-22, 125,250 damaged files of 26 readers were read or refused with one sentence"
-        " ([by reader](record/fuzz.csv)).\n",
-        "## Drawn scenes\n",
-        "Scenes of level smoke. Drawn: one to three numbers from the models' own types, at the"
-        " edges of what is allowed and far outside, made up to the case. Ordinary: one to three"
-        " numbers of a shipped scene a tenth larger or smaller. Solved: drawn as well, and the"
-        " solver works on the accepted ones, to 0.03 s and for ten seconds at most. A refusal is"
-        " one sentence within ten seconds of CPU time.\n",
-        f"| scenes | {' | '.join(outcomes)} |",
-        "|---" * (1 + len(outcomes)) + "|",
-        *scene_lines(scenes, outcomes),
-        "",
-    ]
-
-
-def scene_lines(rows: list[Row], outcomes: list[str]) -> list[str]:
-    """The outcomes of each kind of drawn scenes, as lines of a table."""
-    number = Counter[tuple[str, str]]()
-    for row in rows:
-        number[row["scenes"], row["outcome"]] += int(row["count"])
-    return [
-        f"| {kind} | {' | '.join(str(number[kind, outcome]) for outcome in outcomes)} |"
-        for kind in dict.fromkeys(row["scenes"] for row in rows)
-    ]
-
-
-def fault_table(rows: list[Row]) -> str:
-    """The faults by kind: in how many stages, how often, and how they ended."""
-    kinds: dict[str, list[Row]] = {}
-    for row in rows:
-        fault = row["fault"]
-        kind = next((f"input {k}" for k in ("damaged", "of another") if k in fault), fault)
-        kinds.setdefault(kind.replace("another", "another scene or level"), []).append(row)
-    ends = ("times", "completed", "refused", "recomputed", "wrong")
-    lines = [f"| fault | stages or commands | {' | '.join(ends)} |", "|---" * (2 + len(ends)) + "|"]
-    for kind, those in kinds.items():
-        numbers = [len({row["stage"] for row in those})]
-        numbers += [sum(int(row[end]) for row in those) for end in ends]
-        lines.append(f"| {kind} | {' | '.join(map(str, numbers))} |")
-    return "\n".join(lines) + "\n"
-
-
-def write(docs: Path) -> None:
-    """Write the maps and the page from the tables."""
-    folder = docs / "stability"
-    made, runs = read_rows(folder / "runs.csv")
-    _, images = read_rows(folder / "images.csv")
+def write(folder: Path) -> None:
+    """Write the maps and the summaries beside the tables."""
+    runs, images, faults, scenes = (
+        read_rows(folder / f"{name}.csv") for name in ("runs", "images", "faults", "scenes")
+    )
     tiles(by_axis(runs), 12, folder / "runs.svg")
     lines = [
         (f"{name}, {preset}", values)
-        for preset in dict.fromkeys(row["preset"] for row in images)
-        for name, values in by_axis([row for row in images if row["preset"] == preset])
+        for preset, of in images.groupby("preset", sort=False)
+        for name, values in by_axis(of)
     ]
     tiles(sorted(lines, key=lambda line: line[0]), 8, folder / "images.svg", **OF_IMAGES)
-    head = (Path(__file__).parent / "page_head.md").read_text(encoding="utf-8")
-    text = [head, *runs_part(runs), *images_part(images), *faults_part(folder)]
-    versions = ", ".join(f"{name} {number}" for name, number in made["versions"].items())
-    text.append(f"Runs made on {made['date']} with {versions}.\n")
-    write_text(docs / "stability.md", "\n".join(text))
+    endings = {
+        "ending": [text for _, text in ENDINGS.values()],
+        "runs": [(runs["ended"] == ending).sum() for ending in ENDINGS],
+        "images": [(images["ended"] == ending).sum() for ending in ENDINGS],
+    }
+    write_table(folder / "endings.csv", pd.DataFrame(endings))
+    write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())
+    drawn = scenes.astype({"count": int}).pivot_table(
+        "count", "scenes", "outcome", "sum", fill_value=0
+    )
+    write_table(folder / "scene_outcomes.csv", drawn.reset_index())
 
 
 if __name__ == "__main__":
-    write(Path("docs"))
+    write(Path("docs/stability"))

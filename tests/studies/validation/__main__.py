@@ -1,4 +1,4 @@
-"""`python -m tests.studies.validation`: the checks of docs/verification.md and the page."""
+"""`python -m tests.studies.validation`: the checks of docs/verification.md, tables and figures."""
 
 import argparse
 import sys
@@ -19,7 +19,7 @@ from tests.studies.validation import (
     sprung,
 )
 from tests.studies.validation.checks import Result, write_result
-from tests.studies.validation.ledger import DOCS, ORDER, write_ledger
+from tests.studies.validation.ledger import FOLDER, ORDER, write_ledger
 from tests.studies.validation.solve import solved
 
 FINGER = Path(__file__).resolve().parents[3] / "cases" / "single_finger"
@@ -47,13 +47,13 @@ def measure(name: str, again: bool) -> Result | None:
 
 
 def run(names: list[str], quiet: bool, again: bool) -> None:
-    """Measure, write one results file per name, then the page."""
+    """Measure, write one results file per name, then the tables."""
     for name in names:
         result = measure(name, again)
         if result is None:
             print(f"{name}: fewer than three grids have been run; make validate runs them")
             continue
-        write_result(result, DOCS / "verification" / f"{name}.json")
+        write_result(result, FOLDER / f"{name}.json")
         if not quiet:
             missed = ", ".join(c.id for c in result.checks if not c.met) or "none"
             print(f"{name}: {len(result.checks)} checks, missed: {missed}", flush=True)
@@ -68,7 +68,7 @@ def main() -> None:
     names = f"checks to run (default: all): {', '.join(ORDER)}"
     parser.add_argument("names", nargs="*", metavar="NAME", help=names)
     parser.add_argument("--again", action="store_true", help="solve deforming_mesh again")
-    parser.add_argument("--page", action="store_true", help="only write the page from the results")
+    parser.add_argument("--page", action="store_true", help="only tables and figures")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args()
 

@@ -17,7 +17,7 @@ from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.figures import ROTATED, rotating_flow
-from tests.studies.validation.ledger import DOCS
+from tests.studies.validation.ledger import FOLDER
 from tests.studies.validation.solve import CASES, law_and_body, provenance, reference, solved
 
 STUDY = "plate_rotating"
@@ -34,7 +34,7 @@ FROM, TO = 15.0, 130.0  # turn in degrees over which they are counted
 COMPARED = ROTATED  # up to this turn the primary vortex lies in the small cells of all grids
 SPIRAL = 15.0, COMPARED  # turn over which its path is compared with Kaden's spiral
 PICTURES = 15.0, 25.0, 35.0  # turn
-PICTURE = DOCS / "verification" / "plate_rotating_flow.png"
+PICTURE = FOLDER / "plate_rotating_flow.png"
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Damaged MAT 5 files are refused, also those that end the process in which scipy reads them."""
 
-import io
 import struct
 
 import numpy as np
@@ -9,6 +8,7 @@ from scipy.io import savemat
 
 from piv.foreign.pivlab import instants
 from piv.foreign.read import read_vectors
+from tests.pivlab_session import write_mat5
 
 DOUBLE, CELL = 6, 1  # classes
 
@@ -77,42 +77,10 @@ def test_cells_in_cells(put):
             instants(put(x=matrix(inner, name=b"x", kind=CELL, shape=(1, 1))))
 
 
-CELLS = {"name": b"x", "kind": CELL, "shape": (1, 1)}
-
-
-def export(frames, compressed):
-    """A PIVlab session as scipy writes it."""
-    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
-    made = {
-        "x": x,
-        "y": y,
-        "u_original": 0.1 * x,
-        "v_original": 0.2 * y,
-        "typevector_original": np.ones((2, 3)),
-    }
-    cells = {name: np.empty((frames, 1), object) for name in (*made, "u_filtered")}
-    for name, cell in cells.items():
-        for k in range(frames):
-            cell[k, 0] = made.get(name, np.empty((0, 0)))  # PIVlab's [] where nothing was filtered
-    other = {"settings": {"window": 32.0}, "empty": "", "units": "[px] respectively [px/frame]"}
-    into = io.BytesIO()
-    savemat(into, other | cells, do_compression=compressed)
-    return into.getvalue()
-
-
-@pytest.mark.parametrize("compressed", [False, True])
-def test_a_session_is_read(tmp_path, compressed):
-    path = tmp_path / "a.mat"
-    path.write_bytes(export(3, compressed))
-    units = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32, "rate": 2.0}
-    plane = read_vectors([path], **units)
-    assert dict(plane.sizes) == {"time": 3, "y": 2, "x": 3}
-    assert plane["u"].values[2, 0, 0] == pytest.approx(0.8e-3 / 0.5)
-
-
 @pytest.mark.parametrize("compressed", [False, True])
 def test_wherever_it_is_cut_off(tmp_path, compressed):
-    path, whole = tmp_path / "a.mat", export(1, compressed)
+    path = write_mat5(tmp_path / "a.mat", 1, compressed)
+    whole = path.read_bytes()
     for length in range(0, len(whole), 29):
         path.write_bytes(whole[:length])
         with pytest.raises(ValueError, match=r"a\.mat: "):

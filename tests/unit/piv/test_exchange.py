@@ -1,20 +1,22 @@
 """Every vector format: what is written comes back; what a file does not state is asked for."""
 
-import json
 import sys
 
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
 from scipy.io import savemat
 
-from fileio.formats.plane_series import make_plane, provenance, read_plane, write_plane
+from fileio.child_process import read_in_child
+from fileio.formats.plane_series import make_plane, provenance, write_plane
 from fileio.formats.recording import window_of
 from piv.fields.derived import derived
 from piv.fields.statistics import statistics
-from piv.foreign.read import open_vectors, read_vectors
+from piv.foreign import pivlab
+from piv.foreign.read import open_vectors, read_vectors, to_plane
+from piv.foreign.vector_files import read_pivlab
 from piv.foreign.write import write_vectors
+from tests import pivlab_session
 from tests.piv_command import made, piv
 
 
@@ -29,43 +31,14 @@ def make(times=None, seed=0):
     return make_plane(x, y, u, v, valid=valid, flag=flag, time=times)
 
 
-def same(a, b, rel=1e-7):
-    assert np.array_equal(a["valid"].values, b["valid"].values)
-    for name in ("x", "y", "u", "v"):
-        np.testing.assert_allclose(a[name].values, b[name].values, rtol=rel, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "suffix, told",
-    [
-        ("h5", {}),
-        ("csv", {}),
-        ("dat", {"y_axis": "up"}),
-        ("txt", {"y_axis": "up", "length_unit": "m", "velocity_unit": "m/s"}),
-    ],
-)
-def test_round_trip(tmp_path, suffix, told):
-    plane = make()
-    write_vectors(plane, tmp_path / f"a.{suffix}")
-    back = read_vectors([tmp_path / f"a.{suffix}"], **told)
-    same(plane, back)
-    assert back["u"].attrs["units"] == "m/s"
-
-
-@pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])
-def test_series_round_trip(tmp_path, suffix):
-    series = make(np.array([0.0, 0.002, 0.004]))
-    write_vectors(series, tmp_path / f"a.{suffix}")
-    back = read_vectors([tmp_path / f"a.{suffix}"])
-    same(series, back)
-    np.testing.assert_allclose(back["time"].values, series["time"].values)
-
-
 def test_series_of_files_in_natural_order(tmp_path):
     series = make(np.arange(11) / 500)
     files = write_vectors(series, tmp_path / "a.txt")
     assert len(files) == 11
-    same(series, read_vectors(files[::-1], rate=500.0))
+    back = read_vectors(files[::-1], rate=500.0)
+    assert np.array_equal(back["valid"], series["valid"])
+    for name in ("x", "y", "u", "v", "time"):
+        np.testing.assert_allclose(back[name], series[name], rtol=1e-7, atol=1e-9)
     with pytest.raises(ValueError, match="--rate"):
         read_vectors(files)
 
@@ -224,81 +197,41 @@ PIVLAB = (
     "PIVlab, ASCII chart output\nFRAME: 1, filenames: A & B\n"
     "x [px],y [px],u [px/frame],v [px/frame],Vector type [-]\n"
 )
+TOLD = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
 
 
 @pytest.mark.parametrize("version", ["ascii", "mat5", "mat73"])
 def test_pivlab(tmp_path, version):
-    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
-    u, v = 0.1 * x, 0.2 * y
-    kind = np.array([[1, 1, 2], [0, 1, 1]], float)
+    path = tmp_path / "a.mat"
     if version == "ascii":
         path = tmp_path / "a.txt"
-        rows = "\n".join(
-            ",".join(map(repr, map(float, r)))
-            for r in zip(*(a.T.ravel() for a in (x, y, u, v, kind)), strict=True)
-        )
-        path.write_text(PIVLAB + rows + "\n")
+        rows = np.column_stack([values.T.ravel() for values in pivlab_session.FRAME.values()])
+        path.write_text(PIVLAB + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
     else:
-        path = tmp_path / "a.mat"
-        names = {"x": x, "y": y, "u_original": u, "v_original": v, "typevector_original": kind}
-        units = "[px] respectively [px/frame]"
-        if version == "mat5":
-            cells: dict = {}
-            for name, values in names.items():
-                cell = np.empty((1, 1), object)
-                cell[0, 0] = values
-                cells[name] = cell
-            savemat(path, cells | {"units": units})
-        else:
-            with h5py.File(path, "w") as file:
-                for name, values in names.items():
-                    file[f"#refs#/{name}"] = values.T
-                    file.create_dataset(name, (1, 1), h5py.ref_dtype)[0, 0] = file[
-                        f"#refs#/{name}"
-                    ].ref
-                file["units"] = np.array([[ord(c)] for c in units], np.uint16)
-    told = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
-    plane = read_vectors([path], **told)
+        getattr(pivlab_session, f"write_{version}")(path)
+    plane = read_vectors([path], **TOLD)
     np.testing.assert_allclose(plane["y"], [0.015, 0.023])
     assert plane["valid"].values.tolist() == [[0, 1, 1], [1, 1, 0]]
     assert plane["u"].values[1, 0] == pytest.approx(0.8e-3 / 0.5)
     assert plane["v"].values[1, 0] == pytest.approx(-1.6e-3 / 0.5)
-    if version != "mat5":
-        return
-    from piv.foreign.read import to_plane
-    from piv.foreign.vector_files import read_pivlab
-
-    kept = to_plane(next(read_pivlab(path, keep_replaced=True)), "a", **told)
-    assert kept["flag"].values[1, 2] == 4
-    assert kept["valid"].values[1, 2] == 1
+    if version == "mat5":
+        kept = to_plane(next(read_pivlab(path, keep_replaced=True)), "a", **TOLD)
+        assert kept["flag"].values[1, 2] == 4
+        assert kept["valid"].values[1, 2] == 1
 
 
-def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch):
-    from fileio.child_process import read_in_child
-    from piv.foreign import pivlab as pivlab_mat
-
-    x, y = np.meshgrid([8.0, 16.0, 24.0], [8.0, 16.0])
-    cells: dict = {}
-    for name in ("x", "y", "u_original", "v_original", "typevector_original"):
-        cells[name] = np.empty((3, 1), object)
-    for k in range(3):
-        for name, values in zip(cells, (x, y, k + 0 * x, -k + 0 * x, 1 + 0 * x), strict=True):
-            cells[name][k, 0] = values
-    savemat(tmp_path / "a.mat", cells | {"units": "[px] respectively [px/frame]"})
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_session_of_pivlab_is_read_once(tmp_path, monkeypatch, compress):
     loads = []
-    monkeypatch.setattr(
-        pivlab_mat, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a)
-    )
-    told = {"scale_mm_per_px": 1.0, "interval_s": 0.5, "image_rows": 32}
-    series = read_vectors([tmp_path / "a.mat"], rate=2.0, **told)
+    monkeypatch.setattr(pivlab, "read_in_child", lambda *a: loads.append(a) or read_in_child(*a))
+    path = pivlab_session.write_mat5(tmp_path / "a.mat", 3, compress)
+    series = read_vectors([path], rate=2.0, **TOLD)
     assert len(loads) == 1
-    np.testing.assert_allclose(series["u"][:, 0, 0], [0, 2e-3, 4e-3])
+    np.testing.assert_allclose(series["u"][:, 1, 0], 1.6e-3 * np.array([1, 2, 3]))
     np.testing.assert_allclose(series["time"], [0, 0.5, 1.0])
-    for name in cells:
-        cells[name] = np.empty((0, 0), object)
-    savemat(tmp_path / "b.mat", cells)
-    with pytest.raises(ValueError, match=r"b\.mat: no vectors in it"):
-        read_vectors([tmp_path / "b.mat"], **told)
+    savemat(path, dict.fromkeys(pivlab_session.FRAME, np.empty((0, 0), object)))
+    with pytest.raises(ValueError, match=r"a\.mat: no vectors in it"):
+        read_vectors([path], **TOLD)
 
 
 def test_davis_through_lvpyio(tmp_path):
@@ -342,36 +275,6 @@ def test_irregular_and_doubled_positions(tmp_path):
     path.write_text("0 0 1 1\n1 0 1 1\n0 1 1 1\n1 1 1 1\n1 1 1 1\n")
     with pytest.raises(ValueError, match="same position"):
         read_vectors([path], **told)
-
-
-def test_commands(tmp_path, capsys):
-
-    write_vectors(make(np.arange(4) / 500), tmp_path / "a.h5")
-    out = tmp_path
-    assert piv("plot", out / "a.h5", "-o", out / "a.png", "--time", "0.002") == 0
-    made("animate", out / "a.h5", "-o", out / "a.gif")
-    made("animate", out / "a.h5", "-o", out / "a.mp4")
-    made("convert", out / "a.h5", "-o", out / "a.csv")
-    for name in ("a.png", "a.gif", "a.mp4", "a.csv"):
-        assert (out / name).stat().st_size > 1000
-    assert piv("convert", out / "none.h5", "-o", out / "b.csv") == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "none.h5" in error
-    assert (
-        piv(*f"calibrate --scale-mm-per-px 0.1 --origin 10 20 -o {out / 'c.json'} --quiet".split())
-        == 0
-    )
-    pixels = read_plane(out / "a.h5").load()
-    for name, unit in (("x", "px"), ("y", "px"), ("u", "px"), ("v", "px")):
-        pixels[name].attrs["units"] = unit
-    write_vectors(pixels, out / "px.h5")
-    done = f"calibrate --apply {out / 'c.json'} --vectors {out / 'px.h5'} --interval 0.002".split()
-    assert piv(*done, "-o", out / "m.h5") == 0
-    metres = read_plane(out / "m.h5")
-    np.testing.assert_allclose(metres["u"], pixels["u"] * 1e-4 / 0.002)
-    np.testing.assert_allclose(metres["x"], (pixels["x"] - 10) * 1e-4)
-    assert json.loads(metres.attrs["calibration"])["scale_mm_per_px"] == 0.1
 
 
 @pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])

@@ -37,19 +37,12 @@ def series(tmp_path):
 @pytest.mark.parametrize("suffix", [".nc", ".csv", ".dat", ".txt", ".vc7"])
 def test_px_and_frames_come_back(tmp_path, suffix):
     if suffix == ".vc7":
-        pytest.importorskip(
-            "lvpyio", reason="the library of DaVis files, an extra, is not installed"
-        )
+        pytest.importorskip("lvpyio", reason="the DaVis reader, an extra, is not installed")
     plane = series_px()
     files = write_vectors(plane, tmp_path / f"a{suffix}")
     back = read_vectors(files)
-    assert [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")] == [
-        "px",
-        "px",
-        "px",
-        "px",
-        "frame",
-    ]
+    units = [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")]
+    assert units == ["px"] * 4 + ["frame"]
     for name in ("x", "y", "u", "v"):  # DaVis has single precision
         np.testing.assert_allclose(back[name], plane[name], rtol=1e-6, atol=1e-5)
     np.testing.assert_array_equal(back["valid"], plane["valid"])
@@ -63,7 +56,7 @@ def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
     told = capsys.readouterr().out
     assert "0.5 frame, vorticity " in told
     assert " 1/frame; 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in told
-    assert piv("animate", source, "-o", tmp_path / "a.gif") == 0
+    assert piv("animate", source, "-o", tmp_path / ("a.mp4" if suffix == ".h5" else "a.gif")) == 0
     assert piv("vortices", source, "-o", tmp_path / "v.csv") == 0
     told = capsys.readouterr().out
     assert "3 vortices in 1 track; the strongest has a circulation of 4" in told
@@ -106,20 +99,19 @@ def test_pivpy_opens_ours_and_we_open_its(tmp_path):
     np.testing.assert_allclose(theirs["u"].transpose("t", "y", "x"), plane["u"])
     np.testing.assert_array_equal(theirs["chc"].transpose("t", "y", "x"), plane["valid"])
     io.save_piv(theirs, tmp_path / "b.nc", format="nc")
-    np.testing.assert_allclose(
-        read_vectors([tmp_path / "b.nc"], length_unit="px", velocity_unit="px/frame", y_axis="up")[
-            "v"
-        ],
-        plane["v"],
-    )
+    told = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "up"}
+    np.testing.assert_allclose(read_vectors([tmp_path / "b.nc"], **told)["v"], plane["v"])
 
 
 def test_calibrated_vectors_are_summed_up(series, tmp_path, capsys):
     scale = tmp_path / "c.json"
-    made("calibrate", "--scale-mm-per-px", "0.1", "-o", scale)
+    made("calibrate", "--scale-mm-per-px", "0.1", "--origin", 10, 20, "-o", scale)
     words = ["--apply", str(scale), "--vectors", str(series), "--interval", "0.01", "--rate", "5"]
     assert piv("calibrate", *words, "-o", tmp_path / "m.h5") == 0
     assert "3 fields of 40 x 30 vectors, 99.8% valid; speed median" in capsys.readouterr().out
+    with open_vectors(tmp_path / "m.h5") as metres:
+        np.testing.assert_allclose(metres["u"], series_px()["u"] * 1e-4 / 0.01)
+        np.testing.assert_allclose(metres["x"], (series_px()["x"] - 10) * 1e-4)
 
 
 @pytest.mark.parametrize(

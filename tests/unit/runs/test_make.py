@@ -1,11 +1,6 @@
-"""Making the stages of a run: what is made, taken over, refused, and what a kill leaves behind."""
+"""Making the stages of a run: what is made, taken over and refused."""
 
-import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -43,7 +38,6 @@ def test_a_sheet_that_runs_share_has_one_writer(run: Run) -> None:
 
 
 def test_nothing_is_made_twice(run: Run) -> None:
-    """A fresh run has nothing to do, and its records stay as they are."""
     first = {stage: read_record(run.out, stage) for stage in ("kinematics", "mesh")}
     assert run.stale("mesh") == {}
     make(run, "mesh", ONE, quiet=True)
@@ -51,7 +45,6 @@ def test_nothing_is_made_twice(run: Run) -> None:
 
 
 def test_record_says_what_a_stage_cost_and_wrote(run: Run) -> None:
-    """The record of a stage holds its costs, its numbers, and its files."""
     record = read_record(run.out, "mesh")
     assert record is not None
     assert set(record["outputs"]) == {"planform.h5", "mesh_quality.csv"}
@@ -71,7 +64,6 @@ def test_first_estimate_is_near_the_time_that_a_fresh_clone_took(tmp_path, level
 
 
 def test_reason_names_the_key_and_both_values(run: Run) -> None:
-    """What is stale is told with the number that changed."""
     tip = run.scene.mesh.tip_cell
     assert again(run, **{"mesh.tip_cell": 0.003}).stale("mesh") == {
         "mesh": f"mesh.tip_cell changed from {tip} to 0.003"
@@ -79,7 +71,6 @@ def test_reason_names_the_key_and_both_values(run: Run) -> None:
 
 
 def test_an_equal_stage_of_another_run_is_taken_over(run: Run, capfd) -> None:
-    """Two runs with the same numbers up to a stage share its files, which are then one file."""
     other = open_run(run.scene.folder, "tiny", {"fluid.density": 1000.0}, run.out.parent / "other")
     moved = other.out / "run" / "kinematics.h5"  # of a coupled run that was in this folder before
     moved.parent.mkdir(parents=True)
@@ -107,7 +98,6 @@ def test_the_terminal_shows_the_target_and_warnings_and_the_log_has_all(tmp_path
 
 
 def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> None:
-    """A file that is not the recorded one is not read; make makes it anew."""
     path = run.path("kinematics")
     whole = path.read_bytes()
     path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
@@ -121,7 +111,6 @@ def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> No
 
 
 def test_a_result_of_another_run_is_not_used(run: Run, tmp_path: Path) -> None:
-    """Whole results of another scene, with their record, are no results of this run."""
     other = Run(write_scene(tmp_path / "other", more="[finger]\ntilt_deg = 5.0\n"))
     make(other, "mesh", ONE, quiet=True)
     own = {stage: run.path(stage).read_bytes() for stage in ("kinematics", "mesh")}
@@ -149,7 +138,6 @@ def test_a_stage_itself_reads_no_result_of_another_run(run: Run, tmp_path: Path)
 
 
 def test_a_lost_file_is_made_again_and_a_deleted_case_is_not_needed(run: Run) -> None:
-    """Large files of the solver may be deleted; they are made again where they are needed."""
     make(run, "case", ONE, quiet=True)
     shutil.rmtree(run.out / "case")
     assert list(again(run).stale("case")) == ["case"]
@@ -174,7 +162,6 @@ def test_an_edited_case_is_made_again(run: Run) -> None:
 
 
 def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
-    """Two makes at once: the second is refused, and nothing is written."""
     stale, record = again(run, **{"mesh.tip_cell": 0.003}), read_record(run.out, "mesh")
     with exclusive(run.out / "mesh.stage"), pytest.raises(OSError, match=r"^mesh: .*writing"):
         make(stale, "mesh", ONE, quiet=True)
@@ -182,32 +169,13 @@ def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
 
 
 def test_a_failing_stage_is_one_sentence_with_its_name(run: Run) -> None:
-    """The error of a stage reaches the caller; its record is gone, so that it is made again."""
     bad = again(run, **{"mesh.max_non_orthogonality_deg": 1.0})
     with pytest.raises(StageError, match=r"^mesh: .*non-orthogonality"):
         make(bad, "mesh", ONE, quiet=True)
     assert read_record(run.out, "mesh") is None
 
 
-def test_a_kill_leaves_a_run_that_goes_on(tmp_path: Path) -> None:
-    """Killed at any moment, the next make ends with the same files."""
-    scene = write_scene(tmp_path / "scene")
-    words = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny"]
-    words += ["--until", "mesh", "--quiet"]
-    for wait in (0.7, 1.5, 2.5):
-        process = subprocess.Popen(words, cwd=ROOT, start_new_session=True)
-        time.sleep(wait)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    assert subprocess.run(words, cwd=ROOT, check=False).returncode == 0
-    whole = Run(write_scene(tmp_path / "whole"))
-    make(whole, "mesh", ONE, quiet=True)
-    for stage in ("kinematics", "mesh"):
-        assert Run(scene).path(stage).read_bytes() == whole.path(stage).read_bytes()
-
-
 def test_record_of_another_version_is_none(run: Run) -> None:
-    """A record that this program does not know makes the stage again."""
     path = record_path(run.out, "mesh")
     path.write_text(path.read_text().replace('"format_version": 1', '"format_version": 9'))
     assert again(run).stale("mesh") == {"mesh": "not made yet"}

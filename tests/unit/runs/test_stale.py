@@ -63,7 +63,6 @@ PLACES = {"name", "level", "folder", "parents", "out", "notes"}  # of the run, n
 
 
 def changed(value: Any) -> Any:
-    """Another value of the same kind."""
     if isinstance(value, bool) or value is None:
         return not value
     if isinstance(value, int | float):
@@ -94,7 +93,6 @@ def scenes() -> dict[str, Scene]:
 
 
 def keys() -> list[tuple[str, str]]:
-    """Every key of every scene."""
     known = [(name, key) for name, scene in scenes().items() for key, _ in variants(scene)]
     return [(name, key) for name, key in known if key not in FILES]
 
@@ -102,7 +100,6 @@ def keys() -> list[tuple[str, str]]:
 @pytest.mark.filterwarnings("ignore:Pydantic serializer")
 @pytest.mark.parametrize("name, key", keys())
 def test_a_key_makes_stale_what_it_changes(name: str, key: str) -> None:
-    """Digests tell what is stale; the expected stages are a list written by hand."""
     scene = scenes()[name]
     before = digests(name)
     after = Run(dict(variants(scene))[key])
@@ -112,7 +109,6 @@ def test_a_key_makes_stale_what_it_changes(name: str, key: str) -> None:
 
 @cache
 def digests(name: str) -> dict[str, str]:
-    """Of all stages of a scene as it is."""
     run = Run(scenes()[name])
     return {stage.name: run.digest(stage.name) for stage in STAGES}
 
@@ -135,7 +131,6 @@ def test_of_the_system_folder_the_case_stage_owns_all_that_no_run_writes() -> No
 
 
 def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:
-    """A motion's file makes all stages stale where its content changes, wherever it lies."""
     text = 'motion = { source = "fea", states = "states.h5" }\n'
     runs = []
     for place in ("one", "two"):
@@ -148,7 +143,6 @@ def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:
 
 
 def test_overrides_are_the_scene_with_another_number(tmp_path) -> None:
-    """A run with an override has the digests of a scene that says so, and a place of its own."""
     scene = write_scene(tmp_path / "plain")
     other = write_scene(tmp_path / "other", more="[fluid]\ndensity = 1000.0\n")
     run = open_run(scene.folder, "tiny", {"fluid.density": 1000.0}, tmp_path / "place")
@@ -168,7 +162,6 @@ def test_a_coupled_run_has_versions_and_costs_of_its_own(tmp_path) -> None:
 
 
 def test_a_pinch_is_compared_with_the_single_finger_that_moves_as_it_does(tmp_path) -> None:
-    """Of a coupled pinch the coupled one counts, of another the other."""
     law = scenes()["pinch"].model_copy(update={"parents": (tmp_path,)})
     motion = law.motion.model_copy(update={"source": "structure"})
     coupled = law.model_copy(update={"motion": motion})

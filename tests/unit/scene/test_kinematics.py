@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fileio.errors import StageError
 from fileio.formats.bending_states import read_states
@@ -69,16 +67,6 @@ def test_bad_states_are_one_sentence(tmp_path, text, words):
     with pytest.raises(StageError, match=words) as caught:
         read_states(path, 0.0145)
     assert str(path) in str(caught.value)
-
-
-@settings(max_examples=60)
-@given(st.binary(max_size=200))
-def test_any_bytes_as_states_are_refused(tmp_path_factory, content):
-    for name in ("states.h5", "states.csv"):
-        path = tmp_path_factory.mktemp("fuzz") / name
-        path.write_bytes(content)
-        with pytest.raises(StageError):
-            read_states(path, 0.0145)
 
 
 def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):

@@ -21,7 +21,6 @@ STROKES = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = {t}, duration = {
 NONSENSE = [
     # sections, words of the sentence
     ("[sheet]\nrate_hz = 1.0", ["sheet.rate_hz = 1", "0 pictures", "give at least 9.6"]),
-    ("[camera]\ncentre = [5.0, 5.0]", ["camera.centre", "no water"]),
     ("[camera]\ncentre = [0.0, -0.2]", ["camera.centre", "no water"]),
     ("[piv]\nwindow = 400", ["piv.window = 400 px", "half the picture", "at most 256"]),
     ("[piv]\nwindow = 4096", ["piv.window", "512", "got 4096"]),
@@ -35,7 +34,15 @@ NONSENSE = [
     ("[vortices]\nscale = 1.0", ["vortices.scale", "quarter of the picture"]),
     ("[numerics]\nwrite_interval = 1e-9", ["numerics.write_interval", "at least 0.002"]),
     ("[numerics]\ntime_step = 1e-12", ["numerics.time_step", "steps", "give at least"]),
+    ("[fluid]\nkinematic_viscosity = 1.004", ["fluid.kinematic_viscosity", "mm²/s", "0.01"]),
+    ("[fluid]\nkinematic_viscosity = 1e-12", ["fluid.kinematic_viscosity", "1e-07"]),
+    ("[fluid]\ndensity = 0.998", ["fluid.density", "g/cm³", "100"]),
     ("[mesh]\ntip_cell = 1e-6", ["mesh.tip_cell", "thousandth of the finger", "at least 1.45e-05"]),
+    ("[mesh]\nwall_cell = 0.02", ["mesh.wall_cell", "third", "at most 0.00483"]),
+    ("[mesh]\nfar_cell = 0.2", ["mesh.far_cell", "0.075"]),
+    ("[mesh]\nwall_first_layer = 0.004", ["mesh.wall_first_layer", "0.0024"]),
+    ("[mesh]\nwall_grading = 0.001", ["mesh.wall_grading", "0.02"]),
+    ("[mesh]\ntip_transition = 5e-324", ["mesh.tip_transition", "thousandth"]),
     (
         "\n".join(["[mesh]", *(f"{k} = 1.5e-5" for k in SMALL)]),
         ["cells in", "GB of memory", "times larger"],
@@ -63,6 +70,7 @@ NONSENSE = [
     ("[sheet]\nz = 0.01", ["sheet.z", "symmetry plane"]),
     ("[sheet]\nrate_hz = 700", ["time_step", "divide"]),
     ("[sheet]\nspacing = 1e-310", ["too small"]),
+    ("[sheet]\nspacing = 1e-6", ["sheet.spacing", "points"]),
     ("[camera]\ncolumns = 1" + 400 * "0", ["camera.columns", "16384"]),
     ('[fluid]\nturbulence = "kepsilon"', ["fluid.turbulence", "kepsilon"]),
     ("level = 3", ["level", "not known"]),
@@ -88,7 +96,6 @@ NONSENSE = [
         ["sheet.rate_hz = 500", "2 pictures", "give at least 1000"],
     ),
     ("[motion]\nend_time = 1e9", ["motion.end_time", "at most 600"]),
-    ("[numerics]\ntime_step = 1e-9", ["numerics.time_step", "steps"]),
     ('mesh = "fine"', ["mesh", "got 'fine'"]),
     ("body = 3", ["body", "got 3"]),
     # accepted and meaningless before
@@ -105,11 +112,6 @@ NONSENSE = [
     ("[camera]\nelectrons_per_level = 1e-9", ["camera.electrons_per_level", "at least 0.39"]),
     ("[sheet]\nthickness = 1e-12", ["sheet.thickness", "0.0001"]),
     ("[mesh]\nlayer_growth = 1.0000001", ["mesh.layer_growth", "1.02"]),
-    (
-        "[motion]\nend_time = 1e6\n[numerics]\ntime_step = 20.0\nwrite_interval = 20.0\n"
-        "[sheet]\nrate_hz = 0.05",
-        ["motion.end_time = 1e+06 s", "at most 600"],
-    ),
 ]  # fmt: skip
 
 

@@ -11,40 +11,31 @@ from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.obstacle import Obstacle
 from tests.conftest import prepare, write_scene
 
-CIRCLE = '[[obstacle]]\nshape = "circle"\ncentre = [{x}, {y}]\ndiameter = 0.02\n{more}'
 BOX = '[[obstacle]]\nshape = "box"\ncentre = [-0.06, 0.17]\nsize = [0.02, 0.04]\n'
+CROSSED = """[[obstacle]]
+shape = "polygon"
+points = [[0.1, 0.1], [0.12, 0.12], [0.12, 0.1], [0.1, 0.12]]
+"""
+
+
+def circle(x, y, more=""):
+    return f'[[obstacle]]\nshape = "circle"\ncentre = [{x}, {y}]\ndiameter = 0.02\n{more}\n'
 
 
 @pytest.mark.parametrize(
     "text, words",
     [
-        (
-            CIRCLE.format(x=0.0, y=0.18, more=""),
-            r"finger meets obstacle\[0\] \(circle\) at .*; move it",
-        ),
-        (
-            CIRCLE.format(x=0.04, y=0.2, more=""),
-            r"finger meets obstacle\[0\] \(circle\) at .*; move it",
-        ),
-        (CIRCLE.format(x=0.295, y=0.16, more=""), r"reaches x from 0\.285 .*; keep it within"),
-        (
-            CIRCLE.format(x=0.08, y=0.16, more="depth = 0.0281\n"),
-            r"depth = 0\.0281 m .*; give 0\.028",
-        ),
-        (CIRCLE.format(x=0.08, y=0.16, more="depth = 0.5\n"), r"depth = 0\.5 m .* give 0\.3"),
-        (
-            CIRCLE.format(x=0.08, y=0.16, more="size = [1, 1]\n"),
-            "size is not of shape = 'circle'; remove",
-        ),
-        (CIRCLE.format(x=0.08, y=0.16, more="") * 2, r"obstacle\[0\] and obstacle\[1\] are nearer"),
-        (CIRCLE.format(x=0.08, y=0.16, more="") * 9, "9 tables; give at most 8"),
+        (circle(0.0, 0.18), r"finger meets obstacle\[0\] \(circle\) at .*; move it"),
+        (circle(0.04, 0.2), r"finger meets obstacle\[0\] \(circle\) at .*; move it"),
+        (circle(0.295, 0.16), r"reaches x from 0\.285 .*; keep it within"),
+        (circle(0.08, 0.16, "depth = 0.0281"), r"depth = 0\.0281 m .*; give 0\.028"),
+        (circle(0.08, 0.16, "depth = 0.5"), r"depth = 0\.5 m .* give 0\.3"),
+        (circle(0.08, 0.16, "size = [1, 1]"), "size is not of shape = 'circle'; remove"),
+        (circle(0.08, 0.16) * 2, r"obstacle\[0\] and obstacle\[1\] are nearer"),
+        (circle(0.08, 0.16) * 9, "9 tables; give at most 8"),
         (BOX.replace("0.04", "0.001"), "thinner than 2 mesh.wall_cell"),
         (BOX.replace("size = ", "points = "), "obstacle"),
-        (
-            '[[obstacle]]\nshape = "polygon"\n'
-            "points = [[0.1,0.1],[0.12,0.12],[0.12,0.1],[0.1,0.12]]\n",
-            "sides cross each other; give the corners in order",
-        ),
+        (CROSSED, "sides cross each other; give the corners in order"),
     ],
 )
 def test_an_impossible_obstacle_is_refused_in_one_sentence(tmp_path, text, words):
@@ -54,12 +45,12 @@ def test_an_impossible_obstacle_is_refused_in_one_sentence(tmp_path, text, words
 
 
 def test_outlines_run_counter_clockwise_around_the_stated_shape():
-    circle = Obstacle(shape="circle", centre=(0.1, 0.2), diameter=0.04)
-    assert circle.polygon.area == pytest.approx(np.pi * 0.02**2, rel=2e-5)  # 720 corners
+    disc = Obstacle(shape="circle", centre=(0.1, 0.2), diameter=0.04)
+    assert disc.polygon.area == pytest.approx(np.pi * 0.02**2, rel=2e-5)  # 720 corners
     box = Obstacle(shape="box", centre=(0.1, 0.2), size=(0.04, 0.02))
     assert box.polygon.bounds == pytest.approx((0.08, 0.19, 0.12, 0.21))
     clockwise = Obstacle(shape="polygon", points=((0, 0), (0, 1), (1, 0)))
-    for thing in (circle, box, clockwise):
+    for thing in (disc, box, clockwise):
         line = np.vstack(thing.pieces)
         assert (line[0] == line[-1]).all()
         assert shapely.LinearRing(line).is_ccw
@@ -67,8 +58,8 @@ def test_outlines_run_counter_clockwise_around_the_stated_shape():
 
 def test_the_mesh_leaves_them_out_and_keeps_its_quality(tmp_path):
     """A short cylinder beside the moving tip, and a box from wall to wall, in half of the tank."""
-    near = CIRCLE.format(x=0.07, y=0.16, more="depth = 0.06\n")
-    scene = prepare(write_scene(tmp_path / "s", kind="half", more=near + BOX))
+    more = circle(0.07, 0.16, "depth = 0.06") + BOX
+    scene = prepare(write_scene(tmp_path / "s", kind="half", more=more))
     names = ("obstacle_1", "obstacle_2")
     for interval in read_intervals(scene.out):
         planform = read_planform(scene.out, interval.mesh)

@@ -20,7 +20,6 @@ SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
 
 
 def table(folder: Path, rows: str) -> Path:
-    """A study's table of a scene."""
     (folder / "studies").mkdir(parents=True, exist_ok=True)
     path = folder / "studies" / "trial.csv"
     path.write_text("# a comment\n" + HEADER + rows, encoding="utf-8")
@@ -28,18 +27,15 @@ def table(folder: Path, rows: str) -> Path:
 
 
 def planned(folder: Path, rows: str, *only: str) -> dict:
-    """The plan of a table, of some of its runs."""
     path = plan_study(folder, "trial", read_study(table(folder, rows)), only)
     return json.loads(path.read_text()) | {"path": path}
 
 
 def jobs(plan: dict) -> list[tuple[str, str]]:
-    """Run and stage of each job."""
     return [(job["run"], job["stage"]) for job in plan["jobs"].values()]
 
 
 def test_rows_become_runs_that_differ_in_what_the_table_says(tmp_path: Path) -> None:
-    """Numbers, tables and texts of cells take the place of the scene's; all else is the scene's."""
     scene = write_scene(tmp_path / "small")
     rows = 'fine, tiny, run, 2, , 5e-4, , \nwide, tiny, vortices, , , , half, "[0.01, 0.2]"\n'
     fine, wide = read_study(table(scene.folder, rows))
@@ -52,7 +48,6 @@ def test_rows_become_runs_that_differ_in_what_the_table_says(tmp_path: Path) -> 
 
 
 def test_equal_stages_are_computed_once(tmp_path: Path) -> None:
-    """The second run with the same numbers waits for the first, and takes its files over."""
     scene = write_scene(tmp_path / "small")
     plan = planned(scene.folder, "a, tiny, mesh, , , , , \nb, tiny, mesh, , , , , \n")
     assert jobs(plan) == [(r, s) for r in "ab" for s in ("kinematics", "mesh")]
@@ -66,7 +61,6 @@ def test_equal_stages_are_computed_once(tmp_path: Path) -> None:
 
 
 def test_only_what_a_change_makes_stale_is_planned(tmp_path: Path) -> None:
-    """A table that changed makes its runs again from the stage that the change reaches."""
     scene = write_scene(tmp_path / "small")
     plan = planned(scene.folder, "a, tiny, mesh, , , , , \n")
     for run, stage in jobs(plan):
@@ -91,7 +85,6 @@ def test_only_the_solver_is_faster_by_more_ranks(tmp_path: Path) -> None:
 
 
 def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
-    """A run with another actuator has states of its own, which its motion waits for."""
     path = tmp_path / "s.csv"
     path.write_text("run, level, until, actuator.width\nthin, smoke, kinematics, 0.02\n")
     (row,) = read_study(path)
@@ -117,7 +110,6 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str) -> None:
-    """Named are the file or the run, and what is wrong."""
     scene = write_scene(tmp_path / "small")
     with pytest.raises(StageError) as error:
         planned(scene.folder, rows)
@@ -125,20 +117,17 @@ def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str
     assert "\n" not in str(error.value)
 
 
-def test_a_column_that_occurs_twice_is_refused(tmp_path: Path) -> None:
-    """The last one would win without a word."""
-    path = tmp_path / "s.csv"
-    path.write_text("run, fluid.density, fluid.density\na, 1000, 900\n")
-    with pytest.raises(StageError, match=r"'fluid\.density' occurs twice"):
-        read_study(path)
-
-
-def test_unknown_columns_are_refused(tmp_path: Path) -> None:
-    """A column is one of the table's own, or a dotted key."""
-    path = tmp_path / "s.csv"
-    path.write_text("run, level, colour\na, tiny, red\n")
-    with pytest.raises(StageError, match="'colour'"):
-        read_study(path)
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("run, fluid.density, fluid.density\na, 1000, 900\n", r"'fluid\.density' occurs twice"),
+        ("run, level, colour\na, tiny, red\n", "'colour'"),
+    ],
+)
+def test_double_and_unknown_columns_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "s.csv").write_text(text)
+    with pytest.raises(StageError, match=words):
+        read_study(tmp_path / "s.csv")
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: f"{path.parents[1].name}-{path.stem}")
@@ -160,7 +149,6 @@ def test_every_row_of_a_shipped_study_is_a_run(path: Path) -> None:
     ],
 )
 def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) -> None:
-    """A run that may fail notes its end, the stage and the reason, and is not made again."""
     scene = write_scene(tmp_path / "small")
     out = tmp_path / "place"
     about = {"folder": str(scene.folder), "level": "tiny", "overrides": {key: value},
@@ -173,7 +161,6 @@ def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) ->
 
 
 def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
-    """A limit on the time of a stage ends it with a sentence."""
     (row,) = read_study(table(tmp_path, "a, coarse, mesh, 1, , , , \n"))
     run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
     with pytest.raises(StageError, match="is not over after"):
@@ -186,7 +173,6 @@ def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
 
 
 def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:
-    """SLURM=1: Snakemake's exit code is make's."""
     monkeypatch.setattr(program, "_snakemake", lambda *_, **__: 3)
     with pytest.raises(SystemExit) as end:
         program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
