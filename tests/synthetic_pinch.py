@@ -62,13 +62,8 @@ def mirrored(plane: xr.Dataset, at: float) -> xr.Dataset:
 def mirrored_vortices(table: pd.DataFrame, at: float, gain: float, shift: float) -> pd.DataFrame:
     """The tip vortex (track 3) and its mirror image (track 4) with a known error."""
     left = table[table["track"] == 3].assign(x=lambda t: t["x"] - at, finger=0)
-    right = left.assign(
-        x=-left["x"],
-        y=left["y"] + shift,
-        circulation=-gain * left["circulation"],
-        finger=1,
-        track=4,
-    )
+    image = {"x": -left["x"], "y": left["y"] + shift, "finger": 1, "track": 4}
+    right = left.assign(**image, circulation=-gain * left["circulation"])
     return pd.concat([left, right]).sort_values(["time", "track"], ignore_index=True)
 
 

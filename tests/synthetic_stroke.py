@@ -16,6 +16,7 @@ from fileio.formats.kinematics import write_kinematics
 from fileio.formats.mesh_intervals import SWEEP, Interval, write_planform
 from fileio.formats.plane_series import make_plane, write_plane
 from fileio.record import write_record
+from piv.images.masks import inside_polygon
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
@@ -69,11 +70,9 @@ def finger_shape(bend: float, points: int = 60) -> dict[str, np.ndarray]:
     y = ROOT[1] - np.concatenate([[0.0], np.cumsum(np.cos(middle)) * step])
     ventral = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     line = np.stack([x, y], axis=-1)
-    outline = np.concatenate(
-        [line + ventral * THICKNESS / 2, (line - ventral * THICKNESS / 2)[::-1]]
-    )
+    half = ventral * THICKNESS / 2
     return {
-        "outline": outline,
+        "outline": np.concatenate([line + half, (line - half)[::-1]]),
         "tip": line[-1],
         "tip_direction": np.array([np.sin(bend), -np.cos(bend)]),
         "dorsal_direction": -ventral[-1],
@@ -118,26 +117,15 @@ def stroke_plane(
     for i in range(time.size):
         dx, dy = gx - vortex["x"][i], gy - vortex["y"][i]
         r2 = np.maximum(dx**2 + dy**2, 1e-12)
-        swirl = (
-            vortex["circulation"][i]
-            / (2 * np.pi * r2)
-            * (1 - np.exp(-r2 / vortex["core_radius"][i] ** 2))
-        )
-        near = np.exp(
-            -((gx - finger["tip"][i, 0, 0]) ** 2 + (gy - finger["tip"][i, 0, 1]) ** 2) / 0.03**2
-        )
-        pull = 0.02 * np.abs(rate[i]) * near
+        swirl = vortex["circulation"][i] / (2 * np.pi * r2)
+        swirl *= -np.expm1(-r2 / vortex["core_radius"][i] ** 2)
+        tip_x, tip_y = finger["tip"][i, 0]
+        pull = 0.02 * np.abs(rate[i]) * np.exp(-((gx - tip_x) ** 2 + (gy - tip_y) ** 2) / 0.03**2)
         u[i] = -swirl * dy + pull * np.sign(bend_end) + noise * rng.standard_normal(gx.shape)
         v[i] = swirl * dx + pull + noise * rng.standard_normal(gx.shape)
-        valid[i] = ~_inside(finger["outline"][i, 0], gx, gy)
+        valid[i] = ~inside_polygon(finger["outline"][i, 0], x, y)
     u[valid == 0], v[valid == 0] = np.nan, np.nan
     return make_plane(x, y, u, v, time=time, valid=valid, **finger)
-
-
-def _inside(polygon: np.ndarray, gx: np.ndarray, gy: np.ndarray) -> np.ndarray:
-    from matplotlib.path import Path as Polygon
-
-    return Polygon(polygon).contains_points(np.c_[gx.ravel(), gy.ravel()]).reshape(gx.shape)
 
 
 def vortex_table(
@@ -155,9 +143,8 @@ def vortex_table(
     for i, t in enumerate(time):
         if abs(true["circulation"][i]) < 2e-4:
             continue
-        centre = np.array(
-            [true["x"][i] + shift, true["y"][i]]
-        ) + noise * 1e-2 * rng.standard_normal(2)
+        centre = np.array([true["x"][i] + shift, true["y"][i]])
+        centre += noise * 1e-2 * rng.standard_normal(2)
         strength = gain * true["circulation"][i] * (1 + noise * rng.standard_normal())
         arm = centre - finger["tip"][i, 0]
         along = float(arm @ finger["tip_direction"][i, 0])
@@ -191,26 +178,19 @@ def write_case(
     (case / "scene.toml").write_text(SCENE)
     time = np.linspace(0.0, 0.4, frames)
     middle = 0.5 * (time[1:] + time[:-1])
-    more = {"tip_width": THICKNESS}
-    write_plane(stroke_plane(time, bend_end, spacing), out / "sheet.h5", source="cfd", **more)
+    sheet = stroke_plane(time, bend_end, spacing)
+    write_plane(sheet, out / "sheet.h5", source="cfd", tip_width=THICKNESS)
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
     if with_piv:
         piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
-        write_plane(piv, out / "piv.h5", source="piv", seed=2017, **more)
-        _write_vortices(
-            vortex_table(middle, bend_end, gain, shift, 0.005), out / "vortices_piv.csv"
-        )
+        write_plane(piv, out / "piv.h5", source="piv", seed=2017, tip_width=THICKNESS)
+        seen = vortex_table(middle, bend_end, gain, shift, 0.005)
+        _write_vortices(seen, out / "vortices_piv.csv")
     _write_kinematics(time, bend_end, out / "kinematics.h5")
     _write_planform(bend_end, out)
     _write_run(time, bend_end, out, scene, level)
-    for stage, seconds in {
-        "kinematics": 1.2,
-        "mesh": 14.0,
-        "run": 161.0,
-        "sheet": 6.0,
-        "images": 20.0,
-        "piv": 38.0,
-    }.items():
+    seconds_of = {"kinematics": 1.2, "mesh": 14, "run": 161, "sheet": 6, "images": 20, "piv": 38}
+    for stage, seconds in seconds_of.items():
         cost = {"wall_time": seconds, "cpu_time": seconds, "peak_memory": int(4e8)}
         about = {"digest": "0123abcd", "made_from": {"numbers": {}}}
         write_record(out, stage, about | cost, [])
@@ -246,7 +226,7 @@ def _write_kinematics(time: np.ndarray, bend_end: float, path: Path) -> None:
 
 def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
     bends = np.linspace(0.0, bend_end, 9)
-    points, quads = [], []
+    points = []
     for bend in bends:
         outline = finger_shape(bend, 24)["outline"]
         turn = np.linspace(0, 2 * np.pi, len(outline), endpoint=False) + 0.5
@@ -254,31 +234,16 @@ def _write_planform(bend_end: float, out: Path, rings: int = 14) -> None:
         weight = np.linspace(0, 1, rings)[:, None, None] ** 2
         points.append((outline[None] * (1 - weight) + far[None] * weight).reshape(-1, 2))
     n = len(outline)
-    for k in range(rings - 1):
-        for j in range(n):
-            a, b = k * n + j, k * n + (j + 1) % n
-            quads.append([a, b, b + n, a + n])
+    ring, next_node = n * np.arange(rings - 1)[:, None], (np.arange(n) + 1) % n
+    a, b = (ring + np.arange(n)).ravel(), (ring + next_node).ravel()
     mesh = {
-        "shape_parameter": bends,
-        "points": np.stack(points),
-        "bend": bends,
-        "quads": np.array(quads),
-    }
-    mesh |= {
-        "triangles": np.array([[0, 1, n - 1]]),
-        "body": np.array([1], np.uint8),
-        "levels": np.arange(2.0),
-    }
-    mesh |= {
-        "body_name": np.array(["water", "finger"], object),
-        "body_half_width": np.array([0, WIDTH / 2]),
-    }
-    mesh |= {
-        "wall": np.arange(n),
-        "material": np.arange(float(n)),
-        "outer": np.arange(4),
+        "shape_parameter": bends, "points": np.stack(points), "bend": bends,
+        "quads": np.column_stack([a, b, b + n, a + n]), "triangles": np.array([[0, 1, n - 1]]),
+        "body": np.array([1], np.uint8), "body_name": np.array(["water", "finger"], object),
+        "body_half_width": np.array([0, WIDTH / 2]), "levels": np.arange(2.0),
+        "wall": np.arange(n), "material": np.arange(float(n)), "outer": np.arange(4),
         "corners": np.zeros(4),
-    }
+    }  # fmt: skip
     attributes = {"model": "half", "mirror": 0}
     write_planform(out / "planform.h5", [Interval(0, 0.0, 0.0, 0.4, 0)], attributes, [mesh])
     SWEEP.write(out / "sweep.h5", {}, {})
@@ -288,53 +253,29 @@ def _write_run(time: np.ndarray, bend_end: float, out: Path, scene: str, level: 
     t = np.arange(0, 0.4, 5e-4)
     rate = np.gradient(bend_law(t, bend_end), t)
     force = -0.02 * np.gradient(rate, t) / 50
-    pd.DataFrame(
-        {
-            "time": t,
-            "fx": force,
-            "fy": 0.3 * force,
-            "fz": 0 * t,
-            "fx_pressure": 0.97 * force,
-            "fy_pressure": 0.29 * force,
-        }
-        | {"fx_viscous": 0.03 * force, "fy_viscous": 0.01 * force}
-    ).to_csv(out / "run/forces.csv", index=False)
+    parts = {"fx": 1.0, "fy": 0.3, "fz": 0.0, "fx_pressure": 0.97, "fy_pressure": 0.29}
+    parts |= {"fx_viscous": 0.03, "fy_viscous": 0.01}
     energy = 2e-4 * expit((t - 0.12) / 0.02) * np.exp(-t)
     loss = 1e-4 * energy / energy.max()
-    pd.DataFrame(
-        {
-            "time": t,
-            "finger_power": np.gradient(energy, t) + loss * 1.03,
-            "kinetic_energy": energy,
-            "dissipation": loss,
-        }
-    ).to_csv(out / "run/power.csv", index=False)
-    parts = {"viscous": 0.5, "convection": 0.3, "coupling": 0.2}
-    pd.DataFrame({"time": t} | {name: part * loss for name, part in parts.items()}).to_csv(
-        out / "run/power_terms.csv", index=False
-    )
+    power = {"finger_power": np.gradient(energy, t) + loss * 1.03, "kinetic_energy": energy}
+    terms = {"viscous": 0.5 * loss, "convection": 0.3 * loss, "coupling": 0.2 * loss}
+    for name, columns in {
+        "forces": {name: part * force for name, part in parts.items()},
+        "power": power | {"dissipation": loss},
+        "power_terms": terms,
+    }.items():
+        pd.DataFrame({"time": t} | columns).to_csv(out / "run" / f"{name}.csv", index=False)
     balance = {
-        "work": 2.3e-4,
-        "kinetic_energy": 2.0e-4,
-        "dissipated": 2.4e-5,
-        "closure": 6e-6,
-        "closure_fraction": 0.026,
+        "work": 2.3e-4, "kinetic_energy": 2.0e-4, "dissipated": 2.4e-5, "closure": 6e-6,
+        "closure_fraction": 0.026, "unexplained": 1e-6, "unexplained_fraction": 0.004,
         "taken": {"viscous": 2.5e-5, "convection": 3e-6, "coupling": 1e-6},
-        "unexplained": 1e-6,
-        "unexplained_fraction": 0.004,
-    }
-    run = {"format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}}
-    run |= {"scene": scene}
-    run |= {
-        "level": level,
-        "model": "half",
-        "ranks": 2,
-        "cells": 63500,
-        "time_step": 5e-4,
-        "end_time": 0.4,
-        "steps": 800,
-    }
-    run |= {"wall_time": 161.0, "resumed": [], "courant_max": 0.7, "power_balance": balance}
-    run["intervals"] = [{"start": 0.0, "end": 0.2}, {"start": 0.2, "end": 0.4}]
-    run["mesh_quality"] = {"max_non_orthogonality_deg": 45.0, "max_skewness": 0.8}
+    }  # fmt: skip
+    run = {
+        "format": "run", "format_version": 1, "versions": {"openfoam": "v1912"}, "scene": scene,
+        "level": level, "model": "half", "ranks": 2, "cells": 63500, "time_step": 5e-4,
+        "end_time": 0.4, "steps": 800, "wall_time": 161.0, "resumed": [], "courant_max": 0.7,
+        "power_balance": balance,
+        "mesh_quality": {"max_non_orthogonality_deg": 45.0, "max_skewness": 0.8},
+        "intervals": [{"start": 0.0, "end": 0.2}, {"start": 0.2, "end": 0.4}],
+    }  # fmt: skip
     (out / "run/run.json").write_text(json.dumps(run))

@@ -15,19 +15,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 SIMULATION = (
-    "gmsh",
-    "pyvista",
-    "felupe",
-    "meshio",
-    "shapely",
-    "tensortrax",
-    "pydantic",
-    "lvpyio",
-    "imageio_ffmpeg",
-    "pyMRAW",
-    "nose",
-    "matplotlib",
-)
+    "gmsh", "pyvista", "felupe", "meshio", "shapely", "tensortrax", "pydantic", "lvpyio",
+    "imageio_ffmpeg", "pyMRAW", "nose", "matplotlib",
+)  # fmt: skip
 FROM_PYTHON = f"""
 import sys, cv2
 from piv import correlate_pair, find_vortices, open_recording

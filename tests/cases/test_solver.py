@@ -122,9 +122,8 @@ def test_parallel_equals_serial_and_collated_equals_separate_files(
     solved, prepared, tmp_path, capsys, stop_at
 ):
     """Also stopped and resumed from collated files, which stay collated."""
-    apart, shared, stopped = (
-        copy_of(prepared, tmp_path / name) for name in ("apart", "shared", "stopped")
-    )
+    names = ("apart", "shared", "stopped")
+    apart, shared, stopped = (copy_of(prepared, tmp_path / name) for name in names)
     run_stage.run(apart, quiet=True, ranks=2)
     assert record(apart)["ranks"] == 2
     # both stop their pressure iterations at 0.5 % of a residual, less than 1e-3 of a force

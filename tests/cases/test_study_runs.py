@@ -19,9 +19,10 @@ pytestmark = [
     pytest.mark.openfoam,
     pytest.mark.skipif(not SNAKEMAKE.exists(), reason="make study installs Snakemake"),
 ]
-SHORT = (
-    "[motion]\nstrokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]\nend_time = 0.02\n"
-)
+SHORT = """[motion]
+strokes = [{ pressure_kpa = 6.0, start = 0.002, duration = 0.2 }]
+end_time = 0.02
+"""
 COSTS = "cpu|wall|time_s|memory|made|date|_mb|seconds"  # columns that a kill changes
 TABLE = """\
 run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
@@ -40,9 +41,8 @@ def copy_of_project(folder: Path) -> Path:
         (folder / "cases" / part).symlink_to(ROOT / "cases" / part)
     scene = folder / "cases" / "small"
     (scene / "studies").mkdir(parents=True)
-    (scene / "scene.toml").write_text(
-        TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")
-    )
+    text = TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")
+    (scene / "scene.toml").write_text(text)
     (scene / "kinematics").symlink_to("../single_finger/kinematics")
     (scene / "studies" / "trial.csv").write_text(TABLE)
     return scene / "out" / "studies" / "trial"

@@ -46,14 +46,11 @@ def test_shipped_law_is_that_of_the_independent_prototype():
     """EI (mN m²) and neutral axis (mm) of a separate implementation on the same mesh."""
     shipped = shipped_states()
     assert shipped.law is not None
-    table = {
-        -20: (0.560, 2.85),
-        -10: (0.439, 2.53),
-        0: (0.471, 2.33),
-        10: (0.484, 2.06),
-        20: (0.489, 1.76),
-    }
-    for kpa, (ei, axis) in table.items():
+    kpa_ei_axis = np.array(
+        [(-20, 0.560, 2.85), (-10, 0.439, 2.53), (0, 0.471, 2.33), (10, 0.484, 2.06),
+         (20, 0.489, 1.76)]
+    )  # fmt: skip
+    for kpa, ei, axis in kpa_ei_axis:
         at = int(np.argmin(np.abs(shipped.pressure - 1e3 * kpa)))
         assert 1e3 * shipped.law.stiffness[at] == pytest.approx(ei, abs=5e-4)
         assert 1e3 * shipped.law.neutral_axis[at] == pytest.approx(axis, abs=5e-3)

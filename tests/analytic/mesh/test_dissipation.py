@@ -53,15 +53,9 @@ def test_a_uniform_flow_loses_nothing(mesh):
     flow = np.tile([0.3, -0.2, 0.0], (len(mesh.faces.owner), 1))
     cells = len(mesh.volume)
     pressure = np.random.default_rng(1).normal(size=cells)
-    terms = face_terms(
-        mesh,
-        flow[:cells],
-        pressure,
-        flow[mesh.inner :],
-        np.zeros(len(flow)),
-        np.ones(cells),
-        "linearUpwind",
-    )
+    no_flux, viscosity = np.zeros(len(flow)), np.ones(cells)
+    of_flow = flow[:cells], pressure, flow[mesh.inner :]
+    terms = face_terms(mesh, *of_flow, no_flux, viscosity, "linearUpwind")
     assert all(np.abs(term).max() < 1e-12 for term in terms.values())
 
 

@@ -13,15 +13,8 @@ from pipeline.mesh.wall_layers import outline_at
 from pipeline.scene.sections import Mesh
 from tests.conftest import write_scene
 
-MESH = Mesh(
-    wall_cell=3e-3,
-    wall_first_layer=1e-3,
-    wall_layers=2,
-    tip_cell=2e-3,
-    near_cell=4e-3,
-    near_distance=0.01,
-    far_cell=0.04,
-)
+CELLS = {"wall_cell": 3e-3, "tip_cell": 2e-3, "near_cell": 4e-3, "far_cell": 0.04}
+MESH = Mesh(wall_first_layer=1e-3, wall_layers=2, near_distance=0.01, **CELLS)
 
 
 def slab(angle=0.0, at=(0.0, 0.15)):

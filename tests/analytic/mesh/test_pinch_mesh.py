@@ -48,9 +48,8 @@ def test_nodes_of_the_plane_stay_on_it_and_slide(quarter):
         plane = outer[points[0, outer, 0] == 0]
         assert len(plane) > 10
         assert (points[:, plane, 0] == 0).all()  # to the last bit: never touched
-        assert (
-            np.diff(points[:, plane, 1], axis=1) > 0
-        ).all()  # in order: no edge of the plane turns over
+        # in order: no edge of the plane turns over
+        assert (np.diff(points[:, plane, 1], axis=1) > 0).all()
         slid = max(slid, np.ptp(points[:, plane, 1], axis=0).max())
         for shape in points:
             assert cell_areas(shape, stage["triangles"].values, stage["quads"].values).min() > 0
@@ -89,10 +88,8 @@ def test_both_fingers_are_the_quarter_and_its_mirror_image(quarter, half):
         outer = whole[0, both["outer"].values]
         assert shapely.Polygon(outer).equals(shapely.box(-0.3, 0.0, 0.3, 0.3))
         assert shapely.Polygon(outer).exterior.is_ccw
-    assert (
-        half.out.joinpath("mesh_quality.csv").read_text()
-        == quarter.out.joinpath("mesh_quality.csv").read_text()
-    )
+    one, both = ((scene.out / "mesh_quality.csv").read_text() for scene in (quarter, half))
+    assert one == both
 
 
 def volume(scene, stage):
@@ -100,11 +97,8 @@ def volume(scene, stage):
     mesh = build_mesh(stage)
     nodes, levels = stage["points"].values[-1], stage["levels"].values
     areas = cell_areas(nodes, stage["triangles"].values, stage["quads"].values)
-    return (
-        float((areas[mesh.cell_column] * np.diff(levels)[mesh.cell_layer]).sum()),
-        levels[-1] - levels[0],
-        mesh,
-    )
+    cells = areas[mesh.cell_column] * np.diff(levels)[mesh.cell_layer]
+    return float(cells.sum()), levels[-1] - levels[0], mesh
 
 
 def footprint(stage, name):

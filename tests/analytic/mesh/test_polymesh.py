@@ -58,11 +58,5 @@ def test_openfoams_order(tmp_path):
         assert first == start
         start += count
     assert start == len(mesh.owner)
-    assert {name for name, _, _ in mesh.patches} == {
-        "finger",
-        "tank",
-        "top",
-        "gap",
-        "back",
-        "sheet",
-    }
+    names = {name for name, _, _ in mesh.patches}
+    assert names == {"finger", "tank", "top", "gap", "back", "sheet"}

@@ -46,15 +46,11 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
     x, y = np.meshgrid(line, line, indexing="ij")
     nodes = np.stack([x, y], -1).reshape(-1, 2)
     inner = ((nodes > 1e-9) & (nodes < 1 - 1e-9)).all(1)
-    on_hole = (np.abs(nodes - 0.5).max(1) < 0.25 + 1e-9) & (
-        np.abs(nodes - 0.5).max(1) > 0.25 - 1e-9
-    )
-    free = inner & ~on_hole
+    free = inner & (np.abs(np.abs(nodes - 0.5).max(1) - 0.25) > 1e-9)  # not on the hole's edge
     nodes[free] += bent * line[1] * rng.uniform(-1, 1, (int(free.sum()), 2))
     index = np.arange(len(nodes)).reshape(len(line), -1)
-    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1).reshape(
-        -1, 4
-    )
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], -1)
+    quads = quads.reshape(-1, 4)
     # away from the corners, where a triangle has one neighbour
     low = np.abs(nodes[quads].mean(1)[:, 1] - 0.4) < 0.15
     cut = quads[low]
@@ -64,13 +60,8 @@ def square(count: int, seed: int, bent: float = 0.2) -> SweptCells:
     exists = np.ones((len(hole), 2), bool)
     exists[hole, 1] = False
     column, layer = np.nonzero(exists)
-    planform = xr.Dataset(
-        {
-            "triangles": (("t", "c3"), triangles),
-            "quads": (("q", "c4"), quads),
-            "levels": ("level", LEVELS),
-        }
-    )
+    cells = {"triangles": (("t", "c3"), triangles), "quads": (("q", "c4"), quads)}
+    planform = xr.Dataset(cells | {"levels": ("level", LEVELS)})
     sweep = xr.Dataset({"cell_column": ("cell", column), "cell_layer": ("cell", layer)})
     motion = Moving(nodes, velocity(nodes)[:, :2])
     return swept_cells(IntervalMesh(Interval(0, 0, 0, 1, 0), planform, sweep, motion), 0.0)

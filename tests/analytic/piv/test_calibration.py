@@ -74,9 +74,8 @@ def test_known_lens_is_recovered(calibrated):
     # axis.
     assert calibration.pixel == pytest.approx(0.16 / 900, rel=2e-3)
     # Distances anywhere on the sheet, against the lens that drew them, to 0.1 %.
-    board = np.stack(
-        np.meshgrid(np.linspace(-0.01, 0.09, 6), np.linspace(-0.01, 0.06, 5)), axis=-1
-    ).reshape(-1, 2)
+    board = np.meshgrid(np.linspace(-0.01, 0.09, 6), np.linspace(-0.01, 0.06, 5))
+    board = np.stack(board, axis=-1).reshape(-1, 2)
     space = np.column_stack([board + np.array([-0.04, -0.025]), np.full(len(board), 0.16)])
     seen, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), MATRIX, BARREL)
     seen = seen[:, 0]
@@ -107,18 +106,10 @@ def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
     centre = mid.reshape(-1, 2).mean(axis=0)
     move = rate * interval * np.stack([-(mid - centre)[..., 1], (mid - centre)[..., 0]], axis=-1)
     shift = calibration.to_px(mid + move / 2) - calibration.to_px(mid - move / 2)
-    grid = ("y", "x")
-    small = np.full(shift.shape[:2], 0.05)
-    pixels = xr.Dataset(
-        {
-            "u": (grid, shift[..., 0]),
-            "v": (grid, shift[..., 1]),
-            "valid": (grid, np.ones(small.shape, np.uint8)),
-            "u_std": (grid, small),
-            "v_std": (grid, small),
-        },
-        coords={"x": x, "y": y},
-    )
+    grid, small = ("y", "x"), np.full(shift.shape[:2], 0.05)
+    fields = {"u": shift[..., 0], "v": shift[..., 1], "u_std": small, "v_std": small}
+    fields["valid"] = np.ones(small.shape, np.uint8)
+    pixels = xr.Dataset({n: (grid, f) for n, f in fields.items()}, coords={"x": x, "y": y})
     plane = calibrate_plane(pixels, calibration, interval)
     ok = plane["valid"].values == 1
     assert ok.mean() > 0.8  # the rest of the bounding box lies outside the image
@@ -129,11 +120,9 @@ def test_rotation_field_keeps_its_vorticity_through_the_lens(calibrated):
     assert np.abs(plane["u"].values + rate * (yy - centre[1]))[ok].max() < 5e-3 * peak
     assert np.abs(plane["v"].values - rate * (xx - centre[0]))[ok].max() < 5e-3 * peak
     unsure = np.hypot(at[..., 0] - 320, at[..., 1] - 240) < 40
-    flags = {
-        "valid": (grid, (~unsure).astype(np.uint8)),
-        "flag": (grid, np.where(unsure, UNCERTAIN, VALID)),
-    }
-    seen = calibrate_plane(pixels.assign(flags), calibration, interval)
+    flags = np.where(unsure, UNCERTAIN, VALID)
+    doubted = pixels.assign(valid=(grid, (~unsure).astype(np.uint8)), flag=(grid, flags))
+    seen = calibrate_plane(doubted, calibration, interval)
     assert (usable(seen).values == ok).all()
     assert ((seen["flag"].values == UNCERTAIN) == ok & (seen["valid"].values == 0)).all()
     assert np.abs(seen["u"] - plane["u"]).max() == 0

@@ -18,14 +18,8 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
     angle = np.linspace(0, np.pi, 40)
     tip = 6e-3 * np.column_stack([-np.cos(angle), -np.sin(angle)])
     outline = np.vstack([tip, [[6e-3, 0.06], [-6e-3, 0.06]]])
-    series = make_plane(
-        plane["x"].values,
-        plane["y"].values,
-        u,
-        v,
-        time=np.array([0, 0.002]),
-        outline=np.tile(outline, (2, 1, 1, 1)),
-    )
+    axes, outlines = (plane["x"].values, plane["y"].values), np.tile(outline, (2, 1, 1, 1))
+    series = make_plane(*axes, u, v, time=np.array([0, 0.002]), outline=outlines)
     camera = Camera(width_px=512, height_px=512, origin_px=(200.0, 250.0))
     path = render_recording(series, tmp_path / "images.h5", camera, Seeding(), seed=11)
     with h5py.File(path) as file:

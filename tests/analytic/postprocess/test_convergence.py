@@ -13,7 +13,7 @@ SIZES = np.array([1.0, 1.4, 2.2, 3.0])
 @given(
     order=st.floats(0.6, 3.0),
     limit=st.floats(-5, 5),
-    slope=st.floats(0.05, 2).map(lambda a: a) | st.floats(-2, -0.05),
+    slope=st.floats(0.05, 2) | st.floats(-2, -0.05),
     ratios=st.tuples(st.floats(1.3, 2.0), st.floats(1.3, 2.0)),
 )
 @settings(max_examples=60, deadline=None)

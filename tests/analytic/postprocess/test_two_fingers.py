@@ -13,16 +13,12 @@ TIP = np.array([-0.01, 0.18])
 WIDTH = 0.014
 
 
-def vortex(time, finger, x, y, circulation, track=0, distance=0.5, side="dorsal"):
-    place = {"tip_distance": distance, "along_tip": 0.001, "across_tip": 0.002 * (1 + time)}
+def vortex(time, finger, x, y, circulation, track=0, distance=0.5):
     return {
-        "time": time,
-        "finger": finger,
-        "x": x,
-        "y": y,
-        "circulation": circulation,
-        "track": track,
-    } | {"radius": 0.004, "side": side, **place}
+        "time": time, "finger": finger, "x": x, "y": y, "circulation": circulation, "track": track,
+        "radius": 0.004, "side": "dorsal", "tip_distance": distance, "along_tip": 0.001,
+        "across_tip": 0.002 * (1 + time),
+    }  # fmt: skip
 
 
 def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
@@ -81,22 +77,13 @@ def stagnation_plane(spacing=0.002, height=0.171, rate=2.0, offset=0.0):
     outline = np.stack([box, box * [-1, 1]])[None]
     inside = (np.abs(np.abs(gx) - 0.027) <= 0.007) & (gy >= 0.18)
     u, v = (np.where(inside, np.nan, field)[None] for field in (-rate * gx, rate * (gy - height)))
-    tips = np.array([[[-0.027, 0.18], [0.027, 0.18]]])
-    along = np.array([[[0.0, -1.0], [0.0, -1.0]]])
-    dorsal = np.array([[[-1.0, 0.0], [1.0, 0.0]]])
     return make_plane(
-        x,
-        y,
-        u,
-        v,
-        time=np.array([0.5]),
+        x, y, u, v, time=np.array([0.5]), outline=outline, bend=np.zeros((1, 2)),
         p=np.where(inside, np.nan, 100 * (0.2 - gy))[None],
-        outline=outline,
-        tip=tips,
-        tip_direction=along,
-        dorsal_direction=dorsal,
-        bend=np.zeros((1, 2)),
-    ).assign_attrs(tip_width=WIDTH)
+        tip=np.array([[[-0.027, 0.18], [0.027, 0.18]]]),
+        tip_direction=np.array([[[0.0, -1.0], [0.0, -1.0]]]),
+        dorsal_direction=np.array([[[-1.0, 0.0], [1.0, 0.0]]]),
+    ).assign_attrs(tip_width=WIDTH)  # fmt: skip
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.0007])
@@ -139,14 +126,8 @@ def test_a_plane_that_does_not_reach_between_the_fingers_is_refused():
 
 
 TIME = np.linspace(0, 1, 1001)
-CLOCK = Clock(
-    TIME,
-    np.minimum(TIME, 0.5),
-    TIME,
-    np.maximum(0.0405 - 0.08 * TIME, 0.0005),
-    residual_gap=0.0005,
-    starts=(0.0, 0.6),
-)
+GAP = np.maximum(0.0405 - 0.08 * TIME, 0.0005)
+CLOCK = Clock(TIME, np.minimum(TIME, 0.5), TIME, GAP, residual_gap=0.0005, starts=(0.0, 0.6))
 
 
 @pytest.mark.parametrize(

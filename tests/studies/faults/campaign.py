@@ -143,11 +143,8 @@ class Campaign:
     ) -> Row:
         """A row of the table: `wrong` counts as one more answer in another way."""
         codes = [code for code, _ in answers]
-        texts = [
-            wrong,
-            *(text for code, text in answers if code == 1),
-            *(t for _, t in answers if t),
-        ]
+        bad_first = sorted(answers, key=lambda answer: answer[0] != 1)
+        texts = [wrong, *(text for _, text in bad_first)]
         return {
             "stage": stage, "fault": fault, "times": len(answers), "completed": codes.count(0),
             "refused": codes.count(2), "recomputed": 0, "wrong": codes.count(1) + bool(wrong),
@@ -193,10 +190,9 @@ def _newest(out: Path) -> float:
     times = [0.0]
     for folder, _, names in os.walk(out):
         for name in names:
-            with contextlib.suppress(OSError):  # files vanish meanwhile
-                times.append(
-                    0.0 if name.endswith(".lock") else os.stat(f"{folder}/{name}").st_mtime
-                )
+            if not name.endswith(".lock"):
+                with contextlib.suppress(OSError):  # files vanish meanwhile
+                    times.append(os.stat(f"{folder}/{name}").st_mtime)
     return max(times)
 
 
@@ -265,11 +261,8 @@ def disks(at: Campaign, chosen: list[str]) -> Iterator[Row]:
             at.before(target)
             states = [*(at.folder / "before" / name for name in at.chosen), at.wanted]
             began, ended = (_size(states[at.chosen.index(target) + k]) for k in (0, 1))
-            for fault, room in (
-                ("full", FULL),
-                ("full half-way", (ended - began) // 2048),
-                ("read-only", None),
-            ):
+            half = (ended - began) // 2048
+            for fault, room in (("full", FULL), ("full half-way", half), ("read-only", None)):
                 at.before(target)
                 remount("ro" if room is None else _room(at.out, room))
                 answer = at.make(target).answer()
@@ -283,9 +276,8 @@ def damaged(at: Campaign, target: str) -> Iterator[Row]:
     for step in map(BY_NAME.__getitem__, targets(target)):
         at.restore(at.wanted)
         for path in _inputs(at.run, step.name):
-            answers = [
-                Work(partial(_damaged, at.run, step.name, path, way)).answer() for way in WAYS
-            ]
+            works = (Work(partial(_damaged, at.run, step.name, path, way)) for way in WAYS)
+            answers = [work.answer() for work in works]
             named = [(c if str(path) in t else 1, t) for c, t in answers]
             yield at.row(step.name, f"damaged {path.relative_to(at.out)}", named)
 
@@ -341,9 +333,7 @@ def swapped(
         unseen = [reader for reader in readers if step.name not in at.run.stale(reader)]
         for reader in readers:
             code, text = at.make(BY_NAME[reader].group or reader).answer()
-            wrong = (
-                "the foreign input counts as its own" if reader in unseen else text if code else ""
-            )
+            wrong = "the foreign input counts as its own" if reader in unseen else text * (code > 0)
             wrong = wrong or difference(at.wanted, at.out, [BY_NAME[reader].group or reader])
             fault = f"{step.name} of {name}"
             yield at.row(reader, fault, [], wrong, times=1, recomputed=int(not wrong))

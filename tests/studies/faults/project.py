@@ -85,13 +85,10 @@ def _values(path: Path) -> dict:
         table = np.genfromtxt(path, delimiter=",", names=True)
         values = {name: table[name].tobytes() for name in table.dtype.names}
     else:
-        values = {}
+        names: list[str] = []
         with h5py.File(path) as file:
-            file.visititems(
-                lambda name, item: (
-                    values.update({name: _bytes(item)}) if isinstance(item, h5py.Dataset) else None
-                )
-            )
+            file.visit(names.append)
+            values = {n: _bytes(file[n]) for n in names if isinstance(file[n], h5py.Dataset)}
     return {key: value for key, value in values.items() if key not in SPENT}
 
 

@@ -30,6 +30,7 @@ from tests.pivlab_session import write_mat5, write_mat73
 
 REFUSALS = (ValueError, OSError)  # a command of piv turns them into one sentence and exit code 2
 STAGE = (StageError, OSError)  # so does the pipeline with these
+SCENE = Path(__file__).resolve().parents[3] / "cases" / "single_finger" / "scene.toml"
 LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
 PIXELS = {
@@ -233,37 +234,6 @@ def davis_seeds(folder: Path) -> list[bytes]:
 
 # --- inputs of the pipeline -----------------------------------------------------------------------
 
-SCENE = b"""title = "fuzz"
-[tank]
-size = [0.6, 0.33, 0.3]
-water_depth = 0.3
-[fluid]
-kinematic_viscosity = 1e-6
-turbulence = "laminar"
-[finger]
-root = [0.0, 0.245]
-ventral = "+x"
-[finger.tip]
-length = 0.01
-thickness = 0.005
-[motion]
-source = "fea"
-states = "states.h5"
-strokes = [{ pressure_kpa = 20.0, start = 0.005, duration = 0.4 }]
-end_time = 0.42
-[camera]
-centre = [0.02, 0.19]
-[levels.coarse]
-numerics = { time_step = 0.5e-3 }
-[levels.coarse.mesh]
-wall_cell = 1.8e-3
-wall_first_layer = 0.5e-3
-wall_layers = 3
-tip_cell = 1e-3
-near_cell = 2e-3
-far_cell = 0.02
-"""
-
 
 def use_states(path: Path) -> None:
     """Read states, which must be finite."""
@@ -353,7 +323,7 @@ TARGETS = [
     Target("pivlab.mat", use_vectors, mat_seeds),
     Target("davis.vc7", use_vectors, davis_seeds, costs=20),
     Target("plane.h5", lambda p: use_plane(read_checked_plane(p), p), partial(written, ".h5")),
-    Target("scene.toml", lambda path: load_scene(path.parent), _seeds(SCENE), STAGE),
+    Target("scene.toml", lambda path: load_scene(path.parent), _seeds(SCENE.read_bytes()), STAGE),
     Target("states.h5", use_states, states_seeds, STAGE),
     Target("states.csv", use_states, states_csv_seeds, STAGE),
     Target("pressure.csv", use_pressure, _seeds(PRESSURE), STAGE),

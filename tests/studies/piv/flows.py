@@ -74,21 +74,20 @@ def cylinder(radius: float, speed: float):
     return flow
 
 
-def random_field(seed: int, *, divergent: bool, rms: float = 1.5, waves: int = 60):
-    """Random waves of 45 to 300 px; where divergent, longitudinal and transverse ones."""
+def random_field(seed: int, rms: float = 1.5, waves: int = 60):
+    """Random waves of 45 to 300 px, longitudinal and transverse ones."""
     rng = np.random.default_rng(seed)
     k = np.exp(rng.uniform(np.log(1 / 300), np.log(1 / 45), waves))
     angle, phase = rng.uniform(0, 2 * np.pi, (2, waves))
-    towards = rng.uniform(0, 2 * np.pi, waves) if divergent else angle + np.pi / 2
+    towards = rng.uniform(0, 2 * np.pi, waves)
     size = 1 / k
     size *= rms / np.sqrt(np.sum(size**2) / 2)
 
     def flow(x, y):
         u, v = 0 * x, 0 * x
         for i in range(waves):
-            wave = size[i] * np.sin(
-                2 * np.pi * k[i] * (np.cos(angle[i]) * x + np.sin(angle[i]) * y) + phase[i]
-            )
+            along = np.cos(angle[i]) * x + np.sin(angle[i]) * y
+            wave = size[i] * np.sin(2 * np.pi * k[i] * along + phase[i])
             u, v = u + wave * np.cos(towards[i]), v + wave * np.sin(towards[i])
         return u, v
 

@@ -44,7 +44,7 @@ def drifting_vortex(x, y):
 NOISY = {"noise": 0.05, "background": 5.0}
 SPARSE = NOISY | {"density_ppp": 0.01}
 SHIFT = uniform(4.63, -2.28)
-GENERAL = random_field(3100, divergent=True)
+GENERAL = random_field(3100)
 LIMITS = {
     "sine of 32 px": Limit(sine(32, 1), 10, NOISY),
     "sine of 28 px": Limit(sine(28, 1), 10, NOISY),

@@ -24,13 +24,10 @@ def render_pair(
     *,
     density_ppp: float = 0.04,
     diameter_px: float = 2.5,
-    diameter_std_px: float = 0.0,
     noise: float = 0.0,
     peak: float = 0.8,
     background: float = 0.0,
-    electrons_per_level: float = 0.0,
     sheet_thickness_px: float = 12.0,
-    bits: int = 8,
     mask: ndarray | None = None,
     seed: int = 0,
 ) -> tuple[ndarray, ndarray]:
@@ -44,13 +41,13 @@ def render_pair(
     """
     rows, columns = shape
     rng = np.random.default_rng(seed)
-    full = 2**bits - 1
+    full = 255
     corners = np.meshgrid(np.linspace(0, columns - 1, 65), np.linspace(0, rows - 1, 65))
     largest = max(float(np.abs(d).max()) for d in displacement(*corners)[:2])
     margin = largest + 4 * diameter_px
     low, right, top = -0.5 - margin, columns - 0.5 + margin, rows - 0.5 + margin
     box = Box(low, right, low, top, SLAB_HALF_WIDTH * sheet_thickness_px)
-    p = seed_particles(box, density_ppp / sheet_thickness_px, diameter_px, diameter_std_px, rng)
+    p = seed_particles(box, density_ppp / sheet_thickness_px, diameter_px, 0.0, rng)
     d = np.zeros((3, p.shape[1]))
     for k, component in enumerate(displacement(p[0], p[1])):
         d[k] = component
@@ -65,5 +62,5 @@ def render_pair(
         add_particles(image, x, rows - 1 - y, light, p[3])
         if body is not None:
             image[body] = 0
-        pictures.append(expose(image, rng, bits, background, noise * full, electrons_per_level))
+        pictures.append(expose(image, rng, 8, background, noise * full))
     return pictures[0], pictures[1]

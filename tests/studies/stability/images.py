@@ -34,17 +34,18 @@ def cases() -> list[ImageCase]:
     """Every picture of the study."""
     axes = {
         "seeding (ppp)": ("density_ppp", (0.001, 0.005, 0.01, 0.02, 0.04, 0.1, 0.2)),
-        "displacement (px)": ("", (0.1, 0.5, 2, 8, 12, 16, 20, 30)),
         "exposure (peak over full scale)": ("peak", (0.02, 0.1, 0.8, 4.0, 30.0)),
         "noise (of full scale)": ("noise", (0.0, 0.05, 0.15, 0.4)),
         "diameter (px)": ("diameter_px", (0.5, 1.0, 2.5, 6.0, 15.0)),
     }
     pictures = [
         ImageCase(axis, f"{value:g}", render={key: value})
-        if key
-        else ImageCase(axis, f"{value:g}", value, min(2.0, value / 2))
         for axis, (key, values) in axes.items()
         for value in values
+    ]
+    pictures += [
+        ImageCase("displacement (px)", f"{value:g}", value, min(2.0, value / 2))
+        for value in (0.1, 0.5, 2, 8, 12, 16, 20, 30)
     ]
     black = {"density_ppp": 0.0, "noise": 0.0, "background": 0.0}
     other = "other particles in the second picture"
@@ -66,9 +67,7 @@ def flow(case: ImageCase):
     def displacement(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         a, b = x - centre[0], y - centre[1]
         r2 = np.maximum(a**2 + b**2, 1e-12)
-        swirl = (
-            case.swirl / 0.638 * radius / np.sqrt(r2) * (1 - np.exp(-r2 / radius**2)) / np.sqrt(r2)
-        )
+        swirl = case.swirl / 0.638 * radius / r2 * -np.expm1(-r2 / radius**2)
         return case.shift - swirl * b, swirl * a
 
     return displacement
@@ -82,10 +81,8 @@ def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
         mask = np.zeros(SHAPE, bool)
         mask[:, : int(case.masked * SHAPE[1])] = True
     settings = DEFAULT | case.render
-    pairs = [
-        render_pair(flow(case), SHAPE, mask=mask, seed=seed + k, **settings)
-        for k in range(1 + case.unlike)
-    ]
+    seeds = range(seed, seed + 1 + case.unlike)
+    pairs = [render_pair(flow(case), SHAPE, mask=mask, seed=k, **settings) for k in seeds]
     try:
         plane = correlate_pair(pairs[0][0], pairs[-1][1], mask=mask, preset=preset)
     except ValueError as error:
@@ -99,11 +96,8 @@ def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
     wrong = float((error > WRONG_PX).mean()) if error.size else 0.0
     if settings["density_ppp"] == 0 or case.unlike or case.masked == 1:
         wrong = part  # no vector can be right
-    return row | {
-        "ended": "WRONG" if wrong > MAX_UNFLAGGED else "completed" if error.size else "all flagged",
-        "valid": round(part, 4),
-        "rms_px": round(float(np.sqrt(np.mean(np.minimum(error, 10) ** 2))), 4)
-        if error.size
-        else "",
-        "wrong_unflagged": round(wrong, 4),
-    }
+    row |= {"valid": round(part, 4), "wrong_unflagged": round(wrong, 4)}
+    if not error.size:
+        return row | {"ended": "all flagged", "rms_px": ""}
+    rms = round(float(np.sqrt(np.mean(np.minimum(error, 10) ** 2))), 4)
+    return row | {"ended": "WRONG" if wrong > MAX_UNFLAGGED else "completed", "rms_px": rms}

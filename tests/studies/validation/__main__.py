@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from fileio.command import guarded
-from fileio.errors import StageError
 from tests.studies.validation import (
     cantilever,
     cylinders,
@@ -71,13 +70,10 @@ def main() -> None:
     parser.add_argument("--page", action="store_true", help="only tables and figures")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     args = parser.parse_args()
+    if unknown := set(args.names) - set(ORDER):
+        parser.error(f"{', '.join(sorted(unknown))}: no such check")
 
     def action() -> None:
-        unknown = set(args.names) - set(ORDER)
-        if unknown:
-            raise StageError(
-                f"{', '.join(sorted(unknown))}: no such check; there are {', '.join(ORDER)}"
-            )
         run([] if args.page else args.names or list(ORDER), args.quiet, args.again)
 
     sys.exit(guarded("validation", action))

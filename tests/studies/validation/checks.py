@@ -35,9 +35,7 @@ class Check:
 
     def __post_init__(self) -> None:
         if (self.reference is None) != (self.how in ("at most", "at least")):
-            raise ValueError(
-                f"check {self.id}: how = {self.how!r} and reference = {self.reference} do not fit"
-            )
+            raise ValueError(f"check {self.id}: {self.how!r} and {self.reference} do not fit")
 
     @property
     def deviation(self) -> float:
@@ -70,26 +68,16 @@ class Result:
     provenance: dict[str, Any] = field(default_factory=dict)
 
 
-def result_json(result: Result) -> dict[str, Any]:
-    """The content of a results file (docs/formats.md, Checks)."""
-    return {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "name": result.name,
-        "title": result.title,
-        "text": result.text,
+def write_result(result: Result, path: Path) -> None:
+    """Write a results file (docs/formats.md, Checks) whole or not at all; seven digits."""
+    content = {"format": FORMAT, "format_version": FORMAT_VERSION} | vars(result)
+    content |= {
         "checks": [asdict(c) | {"deviation": c.deviation, "met": c.met} for c in result.checks],
-        "remarks": list(result.remarks),
-        "curves": result.curves,
         "date": datetime.now(UTC).date().isoformat(),
         "versions": versions() | result.provenance.get("versions", {}),
         "provenance": {k: v for k, v in result.provenance.items() if k != "versions"},
     }
-
-
-def write_result(result: Result, path: Path) -> None:
-    """Write a results file whole or not at all; numbers to seven digits."""
-    text = json.dumps(_rounded(result_json(result)), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(_rounded(content), indent=1, ensure_ascii=False, allow_nan=False)
     write_text(path, re.sub(NUMBERS, lambda match: " ".join(match.group().split()), text) + "\n")
 
 

@@ -47,15 +47,11 @@ def three_grids(size: np.ndarray, value: np.ndarray) -> Estimate:
 
     # grows with the order; a fixed point of it need not converge for unequal ratios
     def excess(power: float) -> float:
-        return float(
-            np.log((r_coarse**power - 1) / (r_fine**power - 1)) + power * np.log(r_fine) - ratio
-        )
+        grown = np.log((r_coarse**power - 1) / (r_fine**power - 1))
+        return float(grown + power * np.log(r_fine) - ratio)
 
     if excess(LEAST_ORDER) > 0 or excess(LARGEST_ORDER) < 0:
-        raise ValueError(
-            f"the values {f.tolist()} do not converge: their differences do not shrink as the"
-            " cells do"
-        )
+        raise ValueError(f"the values {f.tolist()} do not converge as the cells shrink")
     power = float(brentq(excess, LEAST_ORDER, LARGEST_ORDER, xtol=1e-13))
     limit = f[0] - fine / (r_fine**power - 1)
     return Estimate(float(limit), power, SAFETY * np.abs(value - limit), "three grids")
@@ -134,9 +130,8 @@ def _power_fit(
     at = int(np.argmin([misfit(p) for p in grid]))
     inside = 0 < at < len(grid) - 1
     low, high = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
-    power = float(
-        minimize_scalar(misfit, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x
-    )
+    options = {"method": "bounded", "options": {"xatol": 1e-10}}
+    power = float(minimize_scalar(misfit, bounds=(low, high), **options).x)
     limit, _, fitted = _linear_fit(h, f, weight, (power,))
     freedom = max(len(h) - 3, 1)
     scatter = np.sqrt(len(h) * np.sum(weight * (f - fitted) ** 2) / freedom)

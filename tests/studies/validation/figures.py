@@ -83,10 +83,8 @@ def deforming(curves: Curves, path: Path) -> None:
     def slope_line(ax: Any, x: np.ndarray, last: float, slope: int) -> None:
         ax.loglog(x, last * (x / x[-1]) ** slope, color=PIV, label=f"slope {slope}", **DASHED)
 
-    for part, colour, words, slope in (
-        ("", CFD, "Lamb-Oseen", 2),
-        ("wall_", THIRD, "Taylor-Green, walls", 1),
-    ):
+    flows = ("", CFD, "Lamb-Oseen", 2), ("wall_", THIRD, "Taylor-Green, walls", 1)
+    for part, colour, words, slope in flows:
         size, error = np.array(curves[f"{part}size"]), np.array(curves[f"{part}error"])
         axes[0].loglog(size, error, "o-", color=colour, label=words)
         slope_line(axes[0], size, error[-1], slope)
@@ -132,9 +130,8 @@ def grids(curves: Curves, path: Path) -> None:
 def cantilever(curves: Curves, path: Path) -> None:
     """Deflection of the plates' tips over the rest that they swing about."""
     figure, axes = new_figure(7, 3.0)
-    for (name, curve), (color, style) in zip(
-        curves.items(), ((CFD, "-"), (CFD, "--"), (PIV, "-"), (PIV, "--")), strict=True
-    ):
+    lines = (CFD, "-"), (CFD, "--"), (PIV, "-"), (PIV, "--")
+    for (name, curve), (color, style) in zip(curves.items(), lines, strict=True):
         label = name.removeprefix("cantilever_").replace("_", ", ")
         axes.plot(curve["time"], curve["deflection"], color=color, ls=style, lw=1, label=label)
     axes.set(xlabel="t (s)", ylabel="deflection / rest")
@@ -185,15 +182,13 @@ def rotating_flow(pictures: dict[float, list[Any]], turns: tuple[float, ...], pa
     save(figure, path)
 
 
+PLATES = "plate_impulsive", "plate_medium_layer", "plate_thin_layer", "plate_accelerating"
 FIGURES: dict[str, Callable[[Curves, Path], None]] = {
     "oscillating_cylinder": oscillating,
     "impulsive_cylinder": impulsive,
     "accelerating_cylinder": accelerating,
     "cantilever_plate": cantilever,
-    "plate_impulsive": plate,
-    "plate_medium_layer": plate,
-    "plate_thin_layer": plate,
-    "plate_accelerating": plate,
+    **dict.fromkeys(PLATES, plate),
     "plate_rotating": rotating,
     "deforming_mesh": deforming,
     "finger_2d": grids,

@@ -54,10 +54,7 @@ def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
         ("[actuator]\nwidht = 0.02\n", r"actuator\.widht: this key is .* did you mean width\?"),
         ("[fea]\nmesh = { wall = 0 }\n", r"fea\.mesh\.wall: .*\(got 0\)"),
         ('[fea]\nengine = "calculix"\n', r"fea\.engine: .*unit_cell"),
-        (
-            "[finger]\nlength = 0.05\n",
-            r"\[actuator\] is 0\.07 m long, chambers × .* as chambers = 6",
-        ),
+        ("[finger]\nlength = 0.05\n", r"\[actuator\] is 0\.07 m long, .* as chambers = 6"),
         (SMALL + "partial = true\nuncertainty = true\n", "goes with uncertainty = false"),
         (SMALL, r"converges only between 0 and .* narrow"),
     ],

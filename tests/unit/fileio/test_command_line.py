@@ -15,6 +15,8 @@ from pipeline.__main__ import main
 from piv.__main__ import main as piv
 from tests.conftest import ROOT, write_scene
 
+INTERRUPTED = "interrupted; run it again to go on: what is finished is kept\n"
+
 
 class Command:
     """Raises what it was given, or ends with it as its exit code."""
@@ -33,18 +35,10 @@ class Command:
     [
         (None, 0, ""),
         (2, 2, ""),
-        (
-            StageError("a.h5: x is missing; make it again"),
-            2,
-            "p act: a.h5: x is missing; make it again\n",
-        ),
+        (StageError("a.h5: x is missing; make it"), 2, "p act: a.h5: x is missing; make it\n"),
         (FileNotFoundError(2, "No such file", "a.h5"), 2, "p act: a.h5: No such file\n"),
         (ValueError("a.h5: no number"), 2, "p act: a.h5: no number\n"),
-        (
-            KeyboardInterrupt(),
-            130,
-            "p act: interrupted; run it again to go on: what is finished is kept\n",
-        ),
+        (KeyboardInterrupt(), 130, f"p act: {INTERRUPTED}"),
     ],
 )
 def test_how_a_command_ends(end, code, said, capsys):
@@ -55,21 +49,15 @@ def test_how_a_command_ends(end, code, said, capsys):
 @pytest.mark.parametrize(
     "given, said",
     [
-        (
-            ["corelate"],
-            "corelate: no such command; did you mean correlate? (--help lists what may be given)",
-        ),
-        (["xyz"], "xyz: no such command (--help lists what may be given)"),
-        (
-            ["correlate", "a", "b", "-o", "c.h5", "--windw", "24"],
-            "--windw 24; did you mean --window?",
-        ),
-        (["correlate", "a", "b", "-o", "c.h5", "--xyz"], "unrecognized arguments: --xyz (--help"),
+        ("corelate", "corelate: no such command; did you mean correlate? (--help lists what may"),
+        ("xyz", "xyz: no such command (--help lists what may be given)"),
+        ("correlate a b -o c.h5 --windw 24", "--windw 24; did you mean --window?"),
+        ("correlate a b -o c.h5 --xyz", "unrecognized arguments: --xyz (--help"),
     ],
 )
 def test_a_misspelt_command_or_option_is_told_with_the_nearest(given, said, capsys):
     with pytest.raises(SystemExit) as ended:
-        piv(given)
+        piv(given.split())
     assert ended.value.code == 2
     told = capsys.readouterr().err
     assert said in told
@@ -165,10 +153,8 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
 
     words = [word.format(pipe=tmp_path / "pipe") for word in words]
     assert command_line("p", None, {"act": ("act", Reader())}, ["act", *words]) == 2
-    assert (
-        capsys.readouterr().err
-        == f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
-    )
+    told = f"p act: {words[-1]}: is neither a file nor a folder; give another name\n"
+    assert capsys.readouterr().err == told
 
 
 def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
@@ -201,11 +187,7 @@ def test_an_interrupt_during_the_imports_is_one_sentence(module, library):
         pass
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=60)
-    assert (process.returncode, *said) == (
-        130,
-        "",
-        "interrupted; run it again to go on: what is finished is kept\n",
-    )
+    assert (process.returncode, *said) == (130, "", INTERRUPTED)
 
 
 def test_an_interrupt_that_a_library_takes_for_its_own_error_is_one(capsys):
@@ -216,10 +198,7 @@ def test_an_interrupt_that_a_library_takes_for_its_own_error_is_one(capsys):
             raise ImportError("the module cannot be loaded") from None
 
     assert guarded("mesh", imports, strict=True) == 130
-    assert (
-        capsys.readouterr().err
-        == "mesh: interrupted; run it again to go on: what is finished is kept\n"
-    )
+    assert capsys.readouterr().err == f"mesh: {INTERRUPTED}"
 
 
 def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
@@ -246,7 +225,7 @@ def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     said = process.communicate(timeout=60)[1]
     assert process.returncode == 130
-    assert said == "work: interrupted; run it again to go on: what is finished is kept\n"
+    assert said == f"work: {INTERRUPTED}"
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path):

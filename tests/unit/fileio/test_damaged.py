@@ -35,17 +35,12 @@ def test_half_written_json_is_one_sentence(tmp_path, content):
 
 def surface(values):
     """A sampled surface as of OpenFOAM v1912: three points, one triangle, p on the points."""
-    return b"".join(
-        [
-            b"# vtk DataFile Version 2.0\ntime='0.1'\nBINARY\nDATASET POLYDATA\n",
-            b"FIELD FieldData 1\nTimeValue 1 1 float\n" + struct.pack(">f", 0.1) + b"\n",
-            b"POINTS 3 float\n" + np.eye(3).astype(">f4").tobytes() + b"\n\n",
-            b"POLYGONS 1 4\n" + np.array([3, 0, 1, 2], ">i4").tobytes() + b"\n\n",
-            b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n"
-            + np.array(values, ">f4").tobytes()
-            + b"\n",
-        ]
-    )
+    head = b"# vtk DataFile Version 2.0\ntime='0.1'\nBINARY\nDATASET POLYDATA\n"
+    head += b"FIELD FieldData 1\nTimeValue 1 1 float\n" + struct.pack(">f", 0.1) + b"\n"
+    points = b"POINTS 3 float\n" + np.eye(3).astype(">f4").tobytes() + b"\n\n"
+    polygons = b"POLYGONS 1 4\n" + np.array([3, 0, 1, 2], ">i4").tobytes() + b"\n\n"
+    data = b"POINT_DATA 3\nFIELD FieldData 1\np 1 3 float\n" + np.array(values, ">f4").tobytes()
+    return head + points + polygons + data + b"\n"
 
 
 def test_a_sample_is_whole_or_cut_off(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from fileio.errors import StageError
@@ -27,18 +28,13 @@ def test_a_record_of_another_version_is_refused_with_what_to_do(tmp_path, record
 def test_a_table_comes_back_to_the_last_digit_written(tmp_path):
     rows = [[k / 3 for k in range(8)], [0.1 * k for k in range(8)]]
     FORCES.write(tmp_path / "a.csv", rows)
-    assert FORCES.read(tmp_path / "a.csv").to_numpy().tolist() == [
-        [float(f"{v:.12g}") for v in r] for r in rows
-    ]
+    np.testing.assert_allclose(FORCES.read(tmp_path / "a.csv"), rows, rtol=1e-11)
 
 
 def test_no_table_is_one_sentence(tmp_path):
     path = tmp_path / "a.csv"
-    for text, words in (
-        (None, "missing"),
-        ("", "not a readable"),
-        ("time,fx\n0,1\n", "column 'fy'"),
-    ):
+    wrong = {None: "missing", "": "not a readable", "time,fx\n0,1\n": "column 'fy'"}
+    for text, words in wrong.items():
         if text is not None:
             path.write_text(text)
         with pytest.raises(StageError, match=rf"a\.csv: {words}.*; delete it and run make again$"):

@@ -26,12 +26,8 @@ GOOD = {"time": np.arange(3.0), "at": np.zeros((3, 2)), "width": 0.1}
 
 def test_what_is_written_is_read_with_units_and_the_roots_attributes(tmp_path):
     path = tmp_path / "new" / "a.h5"
-    SCHEMA.write(
-        path,
-        GOOD | {"std": np.array([1, np.nan, 2])},
-        {"g": {"node": np.arange(4)}},
-        units={"at": "m"},
-    )
+    values = GOOD | {"std": np.array([1, np.nan, 2])}
+    SCHEMA.write(path, values, {"g": {"node": np.arange(4)}}, units={"at": "m"})
     assert SCHEMA.read(path)["at"].attrs == {"units": "m", "long_name": "place"}
     assert SCHEMA.read(path)["std"].attrs["long_name"] == "if known"
     group = SCHEMA.read(path, "g")

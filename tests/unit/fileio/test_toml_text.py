@@ -13,10 +13,7 @@ TABLES = "a = 1\n[finger]\nroot =  # m\nlength = 0.07\n[[motion.strokes]]\nstart
 @pytest.mark.parametrize(
     "content, told",
     [
-        (
-            TABLES,
-            "no value is given for finger.root, motion.strokes.start; give one, or take the line",
-        ),
+        (TABLES, "no value is given for finger.root, motion.strokes.start; give one, or take"),
         (template(keys()), "no value is given for title, finger.root"),
         *((text, "not valid TOML: ") for text in ("a = [1, 2", "nonsense", "a = " + "[" * 100_000)),
         (b"a = \xff", "not valid TOML: "),

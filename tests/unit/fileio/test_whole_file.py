@@ -96,10 +96,9 @@ def test_hdf5_never_meets_a_full_disk(tmp_path, room, size):
     path = tmp_path / "a.h5"
 
     def fill():
+        layout = {"chunks": (1, 32, 32), "compression": "gzip"}
         with whole(path) as part, DiskFile(part, "w") as file:
-            data = file.create_dataset(
-                "u", (40, 32, 32), "f8", chunks=(1, 32, 32), compression="gzip"
-            )
+            data = file.create_dataset("u", (40, 32, 32), "f8", **layout)
             for k in range(40):
                 data[k] = np.random.default_rng(k).random((32, 32))
 

@@ -17,6 +17,7 @@ from piv.images.recording import Recording
 from piv.sequence.chunks import chunk_path, join, parts_of
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 from tests.piv_command import made, piv
+from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 
 SHAPE = (64, 80)
@@ -27,25 +28,16 @@ FRAMES = 12
 def recording_file(tmp_path_factory):
     """Twelve small frames with mask, scale and a finger with unit direction vectors."""
     path = tmp_path_factory.mktemp("recording") / "images.h5"
-    images = render(
-        lambda x, y: (1.5 + 0 * x, 0 * y), shape=SHAPE, seed=4, frames=tuple(range(FRAMES))
-    )
-    attrs = {
-        "scale_mm_per_px": 0.1,
-        "origin_x_px": 3.0,
-        "origin_y_px": 0.0,
-        "frame_rate_hz": 500.0,
-        "bits": 8,
-    }
+    images = render(uniform(1.5, 0), shape=SHAPE, seed=4, frames=range(FRAMES))
+    attrs = {"scale_mm_per_px": 0.1, "origin_x_px": 3.0, "origin_y_px": 0.0}
+    attrs |= {"frame_rate_hz": 500.0, "bits": 8}
     angle = np.linspace(0, 1, FRAMES)[:, None]
     with RecordingWriter(path, SHAPE, np.uint8, FRAMES, attrs, mask=True) as writer:
         for k, image in enumerate(images):
             writer.write(k, image, np.zeros(SHAPE, np.uint8))
-        writer.add(
-            "tip", ("time", "finger", "axis"), np.arange(2.0 * FRAMES).reshape(FRAMES, 1, 2), "m"
-        )
-        directions = np.stack([np.cos(angle), np.sin(angle)], -1)
-        writer.add("tip_direction", ("time", "finger", "axis"), directions, "1")
+        axes, tip = ("time", "finger", "axis"), np.arange(2.0 * FRAMES).reshape(FRAMES, 1, 2)
+        writer.add("tip", axes, tip, "m")
+        writer.add("tip_direction", axes, np.stack([np.cos(angle), np.sin(angle)], -1), "1")
         writer.finish()
     return path
 
@@ -59,10 +51,7 @@ def serial(recording_file, tmp_path_factory):
 
 def chunked(recording_file, out: Path, of: int, *more: str) -> None:
     for k in range(1, of + 1):
-        assert (
-            piv(*f"correlate {recording_file} -o {out} --quiet --chunk {k}/{of}".split(), *more)
-            == 0
-        )
+        made("correlate", recording_file, "-o", out, "--chunk", f"{k}/{of}", *more)
 
 
 def test_chunks_joined_are_the_serial_file_to_the_last_byte(recording_file, serial, tmp_path):
@@ -153,15 +142,10 @@ def test_memory_does_not_grow_with_the_chunk(tmp_path):
     peaks = []
     for fields in (8, 32):
         of = 99_999 // fields
-        session = Session(100_000)
+        session, path = Session(100_000), tmp_path / "piv.h5"
+        options = Options(spacing=16), SequenceOptions()
         tracemalloc.start()
-        out = correlate_recording(
-            session,
-            tmp_path / "piv.h5",
-            Options(spacing=16),
-            SequenceOptions(),
-            chunk=(of // 2, of),
-        )
+        out = correlate_recording(session, path, *options, chunk=(of // 2, of))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         with h5py.File(out) as file:

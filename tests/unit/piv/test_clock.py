@@ -11,6 +11,7 @@ from piv.images.clock import frame_times, set_clock
 from piv.images.open_recording import PAIRINGS
 from piv.sequence.sequence import alternating
 from tests.piv_command import made, piv
+from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 
 NEIGHBOURS, COUPLES = PAIRINGS
@@ -21,7 +22,7 @@ def couples(tmp_path_factory):
     """Four pairs, 2 px to the right within each, of other particles from pair to pair."""
     folder = tmp_path_factory.mktemp("pairs")
     for k in range(4):
-        pair = render(lambda x, y: (2 + 0 * x, 0 * y, 0 * x), shape=(96, 128), seed=k, noise=0.01)
+        pair = render(uniform(2, 0), shape=(96, 128), seed=k, noise=0.01)
         for label, image in zip("AB", pair, strict=True):
             cv2.imwrite(str(folder / f"im_{k:04d}_{label}.png"), image)
     return folder

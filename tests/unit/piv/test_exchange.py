@@ -73,9 +73,8 @@ def test_every_variable_and_unit_comes_back(tmp_path, everything, kind, suffix):
             rtol = 1e-8 if suffix == "dat" else 1e-15
             np.testing.assert_allclose(back[name].values, variable.values, rtol=rtol, err_msg=name)
         assert back.attrs["settings"] == plane.attrs["settings"]
-        np.testing.assert_allclose(
-            back.attrs.get("inefficiency_u", 0), plane.attrs.get("inefficiency_u", 0)
-        )
+        one, other = (p.attrs.get("inefficiency_u", 0) for p in (back, plane))
+        np.testing.assert_allclose(one, other)
         assert window_of(back) == window_of(plane) == 32.0
 
 
@@ -115,9 +114,8 @@ def test_scale_and_clock_reach_our_own_files(tmp_path):
         np.testing.assert_allclose(plane["x"], px["x"].values * 1e-4)
         np.testing.assert_allclose(plane["vorticity"], px["vorticity"].values * 500, rtol=1e-6)
         np.testing.assert_allclose(plane["time"], [0.001, 0.003, 0.005])
-        assert [plane[n].attrs["units"] for n in ("u", "x", "time", "vorticity")] == [
-            "m/s", "m", "s", "1/s"
-        ]  # fmt: skip
+        units = [plane[n].attrs["units"] for n in ("u", "x", "time", "vorticity")]
+        assert units == ["m/s", "m", "s", "1/s"]
         assert plane.attrs["interval"] == 0.002
         assert window_of(plane) == pytest.approx(0.0032)
     assert piv("convert", tmp_path / "m.h5", *done) == 2  # in m already
@@ -147,17 +145,11 @@ def test_vtk_opens_in_pyvista_with_its_time(tmp_path):
 
 def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
     path = tmp_path / "a.txt"
-    path.write_text(
-        "# x y u v flags mask\n8 8 1.0 2.0 0 0\n16 8 1.0 2.0 1 0\n8 16 1.0 3.0 0 0\n16 16 1.0 2.0 "
-        "0 1\n"
-    )
+    rows = "8 8 1.0 2.0 0 0\n16 8 1.0 2.0 1 0\n8 16 1.0 3.0 0 0\n16 16 1.0 2.0 0 1\n"
+    path.write_text("# x y u v flags mask\n" + rows)
     told: dict = {}
-    for option, value in (
-        ("length_unit", "px"),
-        ("velocity_unit", "px/frame"),
-        ("y_axis", "down"),
-        ("image_rows", 100),
-    ):
+    needed = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "down", "image_rows": 100}
+    for option, value in needed.items():
         with pytest.raises(ValueError, match="--" + option.replace("_", "-")):
             read_vectors([path], **told)
         told[option] = value
@@ -292,14 +284,9 @@ def test_a_valid_vector_that_is_no_number_is_refused(tmp_path, suffix, capsys, m
     says = "a plane has vectors marked valid at 0.006 s whose u or v is not finite"
     with pytest.raises(ValueError, match=says):
         read_vectors([path])
-    commands = [["convert", str(path), "-o", str(tmp_path / "b.csv")]]
-    if suffix == "h5":
-        commands += [
-            ["vortices", str(path), "-o", str(tmp_path / "b.csv")],
-            ["plot", str(path), "-o", str(tmp_path / "b.png")],
-        ]
-    for command in commands:
-        assert piv(*command, "--quiet") == 2
+    more = {"vortices": "b.csv", "plot": "b.png"} if suffix == "h5" else {}
+    for command, output in ({"convert": "b.csv"} | more).items():
+        assert piv(command, path, "-o", tmp_path / output, "--quiet") == 2
         error = capsys.readouterr().err
         assert says in error
         assert error.count("\n") == 1

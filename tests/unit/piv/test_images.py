@@ -3,7 +3,6 @@
 import struct
 
 import cv2
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -156,13 +155,6 @@ def test_recording_resumes_and_keeps_finished_frames(tmp_path):
     with xr.open_dataset(path, engine="h5netcdf") as opened:
         assert opened["frames"].dims == ("time", "row", "column")
         assert opened["outline"].attrs["units"] == "m"
-
-
-def test_other_hdf5_is_refused(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.attrs["format"] = "plane-series"
-    with pytest.raises(ValueError, match="format is 'plane-series', not 'recording'"):
-        open_recording(tmp_path / "a.h5")
 
 
 def test_pairs():

@@ -9,6 +9,7 @@ import pytest
 from fileio.formats.plane_series import read_plane
 from piv import open_recording, part_of_recording
 from piv.__main__ import main
+from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 
 SHAPE = (128, 160)
@@ -17,7 +18,7 @@ SHAPE = (128, 160)
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory):
     folder = tmp_path_factory.mktemp("frames")
-    a, b = render(lambda x, y: (2.0 + 0 * x, 1.0 + 0 * x), shape=SHAPE, seed=3, noise=0.01)
+    a, b = render(uniform(2, 1), shape=SHAPE, seed=3, noise=0.01)
     for k, image in enumerate((a, b, a)):
         grey = np.clip(image / image.max() * 255, 0, 255).astype(np.uint8)
         cv2.imwrite(str(folder / f"f{k}.png"), grey)
@@ -31,11 +32,7 @@ def correlate(frames, output, *options):
 
 def masked(path):
     with read_plane(path) as plane:
-        return (
-            [(plane["flag"].values[k] == 2) for k in range(plane.sizes["time"])],
-            plane["x"].values,
-            plane["y"].values,
-        )
+        return list(plane["flag"].values == 2), plane["x"].values
 
 
 def test_one_mask_per_frame(frames, tmp_path):
@@ -46,7 +43,7 @@ def test_one_mask_per_frame(frames, tmp_path):
         mask[:, 40 * k : 40 * k + 40] = 255
         cv2.imwrite(str(folder / f"mask_{k:06d}.png"), mask)
     assert correlate(frames, tmp_path / "a.h5", "--mask", folder) == 0
-    (first, second), x, _ = masked(tmp_path / "a.h5")
+    (first, second), x = masked(tmp_path / "a.h5")
     # a vector is masked where either of its two frames hides more than half of its window
     for hidden, ends in ((first, (0, 80)), (second, (40, 120))):
         inside = (x > ends[0] + 4) & (x < ends[1] - 4)
@@ -64,9 +61,8 @@ def test_a_photograph_for_a_mask_is_refused_before_the_work(kind, frames, tmp_pa
     photograph[7, 9] = 0
     mask = tmp_path / kind
     if kind == "drawn.json":
-        mask.write_text(
-            json.dumps({"bodies": [{"corners": [[0, 0], [200, 0], [200, 200], [0, 200]]}]})
-        )
+        corners = [[0, 0], [200, 0], [200, 200], [0, 200]]
+        mask.write_text(json.dumps({"bodies": [{"corners": corners}]}))
     elif kind in ("folder", "pattern"):
         (tmp_path / kind).mkdir()
         for k in range(3):
@@ -112,9 +108,8 @@ def moved(by):
 def test_polygons_move_linearly_between_their_instants(frames, tmp_path, suffix):
     path = tmp_path / f"body{suffix}"
     if suffix == ".json":
-        path.write_text(
-            json.dumps({"bodies": [{"frames": [0, 2], "corners": [SQUARE, moved(80)]}]})
-        )
+        body = {"frames": [0, 2], "corners": [SQUARE, moved(80)]}
+        path.write_text(json.dumps({"bodies": [body]}))
     else:
         path.write_text(f"[[bodies]]\nframes = [0, 2]\ncorners = [{SQUARE}, {moved(80)}]\n")
     with open_recording(frames) as recording:
@@ -126,10 +121,8 @@ def test_polygons_move_linearly_between_their_instants(frames, tmp_path, suffix)
 
 def test_polygons_in_metres_and_seconds(frames, tmp_path):
     path = tmp_path / "body.json"
-    body = {
-        "times": [0.0, 0.2],
-        "corners": (np.array([SQUARE, moved(80)]) * 1e-3 - [0.01, 0]).tolist(),
-    }
+    corners = np.array([SQUARE, moved(80)]) * 1e-3 - [0.01, 0]
+    body = {"times": [0.0, 0.2], "corners": corners.tolist()}
     path.write_text(json.dumps({"unit": "m", "bodies": [body], "roi": [0.0, 0.0, 0.09, 0.1]}))
     with open_recording(frames) as recording:
         recording.times = np.arange(len(recording)) / 10
@@ -146,10 +139,7 @@ def test_polygons_in_metres_and_seconds(frames, tmp_path):
 @pytest.mark.parametrize(
     "content, message",
     [
-        (
-            {"bodies": [{"frames": [0, 1], "corners": [SQUARE, moved(9)]}]},
-            "run from 0 to 1, the recording runs from 0 to 2",
-        ),
+        ({"bodies": [{"frames": [0, 1], "corners": [SQUARE, SQUARE]}]}, "from 0 to 1, the recor"),
         ({"bodies": [{"frames": [0, 2], "corners": [SQUARE, SQUARE[:3]]}]}, "mask polygons"),
         ({"bodies": [{"frames": [2, 0], "corners": [SQUARE, SQUARE]}]}, "ascending instants"),
         ({"bodies": [{"times": [0, 1], "corners": [SQUARE, SQUARE]}]}, "the recording has none"),
@@ -168,12 +158,8 @@ def test_polygon_files_that_are_refused(frames, tmp_path, content, message):
 def test_a_region_keeps_the_coordinates_of_the_whole_picture(frames, tmp_path):
     assert correlate(frames, tmp_path / "px.h5", "--roi", 40, 20, 119, 99) == 0
     scale = ["--scale-mm-per-px", 1, "--origin-x-px", 10, "--rate", 100]
-    assert (
-        correlate(
-            frames, tmp_path / "m.h5", "--roi", 0.03, 0.02, 0.109, 0.099, "--roi-unit", "m", *scale
-        )
-        == 0
-    )
+    region = ["--roi", 0.03, 0.02, 0.109, 0.099, "--roi-unit", "m"]
+    assert correlate(frames, tmp_path / "m.h5", *region, *scale) == 0
     with read_plane(tmp_path / "px.h5") as px, read_plane(tmp_path / "m.h5") as m:
         assert px["x"].min() >= 40
         assert px["x"].max() <= 119

@@ -14,6 +14,7 @@ from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 from tests.piv_command import piv
+from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 
 
@@ -21,11 +22,8 @@ def particles(shape=(512, 640), seed=0, density=0.04):
     rng = np.random.default_rng(seed)
     image = np.full(shape, 12.0)
     n = int(density * image.size)
-    np.add.at(
-        image,
-        (rng.integers(0, shape[0], n), rng.integers(0, shape[1], n)),
-        rng.uniform(200, 1500, n),
-    )
+    at = rng.integers(0, shape[0], n), rng.integers(0, shape[1], n)
+    np.add.at(image, at, rng.uniform(200, 1500, n))
     return cv2.GaussianBlur(image, (0, 0), 0.8), rng
 
 
@@ -34,14 +32,12 @@ def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path)
     cv2.imwrite(str(tmp_path / "photo.png"), picture)
     with pytest.raises(ValueError, match=r"photo.png: masks 100\.0% of the picture"):
         read_mask(tmp_path / "photo.png", (40, 50))
-    with pytest.raises(
-        ValueError, match="below grey level 900 masks the whole image; give a lower --threshold"
-    ):
+    words = "below grey level 900 masks the whole image; give a lower --threshold"
+    with pytest.raises(ValueError, match=words):
         dark_body(picture, threshold=900)
+    # a frame of dark round it: all is masked once the hole in it is filled
     picture = np.full((80, 100), 30, np.uint8)
-    picture[20:60, 20:80] = (
-        200  # a frame of dark round it: all is masked once the hole in it is filled
-    )
+    picture[20:60, 20:80] = 200
     with pytest.raises(ValueError, match="masks the whole image"):
         dark_body(picture, threshold=100)
 
@@ -60,10 +56,8 @@ def test_read_mask_refuses_other_sizes(tmp_path):
 @pytest.mark.parametrize("shade", [1.0, 0.6])
 def test_dark_finger_is_found_whole(shade):
     image, rng = particles()
-    finger = np.array(
-        [[250, 511], [280, 511], [290, 300], [350, 200], [330, 190], [265, 280]], float
-    )
-    truth = polygon_mask(finger, image.shape)
+    finger = [[250, 511], [280, 511], [290, 300], [350, 200], [330, 190], [265, 280]]
+    truth = polygon_mask(np.array(finger, float), image.shape)
     image[:, 320:450] *= shade  # the finger's shadow in the sheet is no body
     image[truth] = 3
     frame = np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
@@ -131,14 +125,11 @@ def test_static_background_is_taken_off_where_particles_pass_and_particles_at_re
     at, speed = np.arange(8) - 4.0, 3.0
 
     def recording(name, moved, light):
-        frames = render(
-            lambda x, y: (moved + 0 * x, 0 * y), shape=still.shape, seed=81, noise=0.02, frames=at
-        )
         (tmp_path / name).mkdir()
+        frames = render(uniform(moved, 0), shape=still.shape, seed=81, noise=0.02, frames=at)
         for k, frame in enumerate(frames):
-            cv2.imwrite(
-                str(tmp_path / name / f"{k}.png"), np.clip(frame + light, 0, 255).astype(np.uint8)
-            )
+            lit = np.clip(frame + light, 0, 255).astype(np.uint8)
+            cv2.imwrite(str(tmp_path / name / f"{k}.png"), lit)
         return open_recording(tmp_path / name)
 
     rest = recording("rest", 0.0, 0 * still)
@@ -146,10 +137,8 @@ def test_static_background_is_taken_off_where_particles_pass_and_particles_at_re
     streaks = recording("streaks", speed, still)
     clean = Preprocessor(["background=static"], streaks)
     assert clean.steps == ["background=static"]
-    out = correlate_recording(
-        streaks, tmp_path / "v.h5", Options(spacing=32), SequenceOptions(every=7)
-    )
-    with read_plane(out) as plane:
+    options = Options(spacing=32), SequenceOptions(every=7)
+    with read_plane(correlate_recording(streaks, tmp_path / "v.h5", *options)) as plane:
         assert "static background taken off" in summary(plane)
     near = cv2.dilate((still > 30).astype(np.uint8), np.ones((17, 17), np.uint8)) > 0
 

@@ -18,15 +18,14 @@ from piv.images.open_recording import open_recording
 from piv.sequence.multiframe import correlate_frames
 from piv.sequence.sequence import SequenceOptions, correlate_recording
 from tests.piv_command import made, piv
+from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 
 SHAPE = (96, 128)
 
 
 def frames(count):
-    return render(
-        lambda x, y: (2 + 0 * x, 1 + 0 * x), shape=SHAPE, seed=9, frames=tuple(range(count))
-    )
+    return render(uniform(2, 1), shape=SHAPE, seed=9, frames=range(count))
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +39,8 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def recording_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("recording") / "images.h5"
-    attrs = {
-        "scale_mm_per_px": 0.1,
-        "origin_x_px": 10.0,
-        "origin_y_px": -5.0,
-        "frame_rate_hz": 500.0,
-        "bits": 8,
-    }
+    attrs = {"scale_mm_per_px": 0.1, "origin_x_px": 10.0, "origin_y_px": -5.0}
+    attrs |= {"frame_rate_hz": 500.0, "bits": 8}
     images = frames(4)
     mask = np.zeros(SHAPE, np.uint8)
     mask[:40, 90:] = 1
@@ -109,10 +103,9 @@ def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
 def test_threads_change_no_bit(folder, tmp_path):
     planes = []
     for threads in (1, 2):
+        options = Options(), SequenceOptions(threads=threads)
         with open_recording(folder) as recording:
-            path = correlate_recording(
-                recording, tmp_path / f"{threads}.h5", Options(), SequenceOptions(threads=threads)
-            )
+            path = correlate_recording(recording, tmp_path / f"{threads}.h5", *options)
         planes.append(xr.load_dataset(path, engine="h5netcdf"))
     xr.testing.assert_identical(planes[0], planes[1])
 
@@ -195,9 +188,8 @@ def test_ensemble_and_multi_frame_and_couples(folder, tmp_path, capsys):
             assert plane.sizes["time"] == count
             assert float(plane["u"].median()) == pytest.approx(2, abs=0.03)
         # frames of 96 px are too small to tell the camera's shake
-        assert ("could not be measured in 4 of 4 fields" in capsys.readouterr().err) == (
-            name == "m"
-        )
+        said = capsys.readouterr().err
+        assert ("could not be measured in 4 of 4 fields" in said) == (name == "m")
 
 
 def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
@@ -212,16 +204,14 @@ def test_shake_of_the_camera_does_not_cost_the_multi_frame_mode_its_accuracy():
         u, v = flow(x, y)
         return x + t * u + camera[round(t) + 2, 0], y + t * v + camera[round(t) + 2, 1]
 
-    frames = render(
-        None, shape=(256, 320), seed=82, noise=0.03, frames=(-2.0, -1.0, 0.0, 1.0, 2.0), path=path
-    )
+    instants = (-2.0, -1.0, 0.0, 1.0, 2.0)
+    frames = render(None, shape=(256, 320), seed=82, noise=0.03, frames=instants, path=path)
 
     def error(field):
         """RMS about the field's common error, px; the common error's size."""
         at = np.meshgrid(field["x"].values, field["y"].values)
-        off = np.array([field[n].values - w for n, w in zip("uv", flow(*at), strict=True)])[
-            :, 4:-4, 4:-4
-        ]
+        off = np.array([field[n].values - w for n, w in zip("uv", flow(*at), strict=True)])
+        off = off[:, 4:-4, 4:-4]
         assert np.isfinite(off).mean() > 0.99
         common = np.nanmean(off, axis=(1, 2), keepdims=True)
         return np.sqrt(np.nanmean((off - common) ** 2)), np.hypot(*common[:, 0, 0])

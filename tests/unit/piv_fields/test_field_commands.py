@@ -90,18 +90,13 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
     assert piv("profile", file, "-o", tmp_path / "p.csv", "--line", 0, 0.005, 0.015, 0.005) == 0
     assert "1280 points on 0.015 m, 100.0% valid" in capsys.readouterr().out
     table = pd.read_csv(tmp_path / "p.csv")
-    np.testing.assert_allclose(
-        table["across"], np.sin(2 * np.pi * table["time"] / 0.2) * table["x"], atol=1e-9
-    )
+    across = np.sin(2 * np.pi * table["time"] / 0.2) * table["x"]
+    np.testing.assert_allclose(table["across"], across, atol=1e-9)
     assert piv("spectrum", file, "-o", tmp_path / "s.csv", "--point", 0.01, 0.01) == 0
     assert "the peak is at 5" in capsys.readouterr().out
     made("spectrum", file, "-o", tmp_path / "s.csv", "--along", "x")
-    assert list(pd.read_csv(tmp_path / "s.csv", comment="#")) == [
-        "frequency",
-        "psd_u",
-        "psd_v",
-        "averaged",
-    ]
+    columns = list(pd.read_csv(tmp_path / "s.csv", comment="#"))
+    assert columns == ["frequency", "psd_u", "psd_v", "averaged"]
 
 
 @pytest.mark.parametrize(

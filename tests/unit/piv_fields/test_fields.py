@@ -37,10 +37,9 @@ def test_moments_are_those_of_numpy_where_vectors_are_valid():
     u, v = rng.normal(1, 2, (40, *XX.shape)), rng.normal(-1, 1, (40, *XX.shape))
     valid = rng.random(u.shape) > 0.3
     valid[:, 0, 0] = False
-    moments = statistics(
-        series(np.where(valid, u, np.nan), np.where(valid, v, np.nan), valid=valid)
-    )
-    u, v = (np.where(valid, f, np.nan)[:, 1:] for f in (u, v))
+    u, v = (np.where(valid, f, np.nan) for f in (u, v))
+    moments = statistics(series(u, v, valid=valid))
+    u, v = u[:, 1:], v[:, 1:]
     rest = moments.isel(y=slice(1, None))
     np.testing.assert_allclose(rest["u"], np.nanmean(u, axis=0))
     np.testing.assert_allclose(rest["uu"], np.nanvar(u, axis=0, ddof=1))
@@ -158,16 +157,8 @@ def test_along_a_line():
     np.testing.assert_allclose(rows["u"], 2 * rows["x"] + rows["y"], atol=1e-12)
     np.testing.assert_allclose(rows["along"], 0.6 * rows["u"] + 0.8 * rows["v"])
     np.testing.assert_allclose(rows["across"], 0.6 * rows["v"] - 0.8 * rows["u"])
-    assert (
-        len(
-            list(
-                along_line(
-                    series(np.ones((3, *XX.shape)), np.ones((3, *XX.shape))), (0, 0), (0.01, 0)
-                )
-            )
-        )
-        == 3
-    )
+    three = series(np.ones((3, *XX.shape)), np.ones((3, *XX.shape)))
+    assert len(list(along_line(three, (0, 0), (0.01, 0)))) == 3
     for end in ((0.002, 0.001), (1.0, 0.0)):
         with pytest.raises(ValueError, match="line"):
             next(along_line(plane, (0.002, 0.001), end))
@@ -214,12 +205,9 @@ def long_file(tmp_path, monkeypatch):
     monkeypatch.setattr(blocks_module, "BLOCK", 8 * XX.size)
 
     def write(n):
-        rng = np.random.default_rng(0)
         std = np.full((n, *XX.shape), 0.1)
-        plane = series(
-            rng.normal(size=(n, *XX.shape)), rng.normal(size=(n, *XX.shape)), u_std=std, v_std=std
-        )
-        write_plane(plane, tmp_path / f"{n}.h5")
+        u, v = np.random.default_rng(0).normal(size=(2, *std.shape))
+        write_plane(series(u, v, u_std=std, v_std=std), tmp_path / f"{n}.h5")
         return tmp_path / f"{n}.h5"
 
     return write
@@ -252,9 +240,7 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
 
 def test_without_uncertainty_of_the_vectors_that_of_an_earlier_derivation_is_dropped(tmp_path):
     std = np.full((2, *XX.shape), 0.1)
-    earlier = derived(
-        series(np.ones((2, *XX.shape)), np.ones((2, *XX.shape)), u_std=std, v_std=std)
-    )
+    earlier = derived(series(0 * std, 0 * std, u_std=std, v_std=std))
     plane = earlier.drop_vars(["u_std", "v_std"])
     assert "vorticity_std" not in derived(plane)
     assert "vorticity_std" in derived(plane, ("divergence",))

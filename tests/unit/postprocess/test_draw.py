@@ -39,14 +39,9 @@ def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():
 
 
 def test_what_is_not_judged_is_marked_where_it_is_strong():
-    table = pd.DataFrame(
-        {
-            "time": [0.1] * 4 + [0.2, 0.2, 0.3],
-            "track": [1, 2, 3, 4, 5, 1, 1],
-            "circulation": [1.0, -0.9, 0.4, 0.05, 9.0, 1.0, 1.0],
-            **dict.fromkeys(("x", "y", "radius"), 0.0),
-        }
-    )
+    rows = {"time": [0.1] * 4 + [0.2, 0.2, 0.3], "track": [1, 2, 3, 4, 5, 1, 1]}
+    rows |= {"circulation": [1.0, -0.9, 0.4, 0.05, 9.0, 1.0, 1.0]}
+    table = pd.DataFrame(rows | dict.fromkeys(("x", "y", "radius"), 0.0))
     judged = [table[(table["track"] == 1) & (table["time"] < 0.25)]]
     assert list(others(table, judged, 0.1)["track"]) == [2, 3]
     assert list(others(table, judged, 0.3)["track"]) == [1]  # judged no more

@@ -33,14 +33,9 @@ def measure(name, rows, finger=0, gap=None):
     down = np.broadcast_to([[0.0, -1.0], [0.0, -1.0]], (11, 2, 2))
     dims = ("time", "finger", "axis")
     plane = xr.Dataset({"tip": (dims, still), "dorsal_direction": (dims, down)}, {"time": TIME})
+    planes, clock = {"cfd": plane.assign_attrs(tip_width=WIDTH)}, Clock(TIME, TIME, TIME, gap)
     table = pd.DataFrame(rows, columns=list(COLUMNS))
-    evidence = Evidence(
-        {"cfd": plane.assign_attrs(tip_width=WIDTH)},
-        {},
-        0.3,
-        Clock(TIME, TIME, TIME, gap),
-        integrals={"cfd": table},
-    )
+    evidence = Evidence(planes, {}, 0.3, clock, integrals={"cfd": table})
     return PINCH_QUANTITIES[name].measure(Part(evidence, "cfd", WINDOW, finger))
 
 
@@ -75,10 +70,8 @@ def test_a_pair_forms_before_contact_or_not_also_where_the_tips_rebound():
 
 
 def test_the_side_is_that_of_the_strongest():
-    dorsal, ventral = (
-        vortices("dorsal", "downward", 2e-2, 0.16),
-        vortices("ventral", "downward", 1e-2, 0.2),
-    )
+    dorsal = vortices("dorsal", "downward", 2e-2, 0.16)
+    ventral = vortices("ventral", "downward", 1e-2, 0.2)
     assert measure("pair_side", dorsal + ventral) == "dorsal"
     stronger_left = [[*row[:4], 3 * row[4], *row[5:]] if row[3] == 0 else row for row in ventral]
     assert measure("pair_side", dorsal + stronger_left) == "different"

@@ -43,9 +43,8 @@ def test_peak_tip_speed_of_a_circular_motion():
 def test_a_body_that_does_not_turn_is_followed_by_its_distance():
     time = np.linspace(0, 1, 101)
     tip = np.stack([-0.3 * time, np.full_like(time, 0.2)], axis=-1)[:, None]
-    plane = xr.Dataset(
-        {"bend": (("time", "finger"), np.zeros((101, 1))), "tip": (("time", "finger", "axis"), tip)}
-    )
+    bend = ("time", "finger"), np.zeros((101, 1))
+    plane = xr.Dataset({"bend": bend, "tip": (("time", "finger", "axis"), tip)})
     assert progress(plane) == pytest.approx(0.3 * time)
     assert stroke_window(time, progress(plane), (0.25, 0.75)) == pytest.approx((0.25, 0.75))
     plane["bend"] = plane["bend"] + time[:, None]

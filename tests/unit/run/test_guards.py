@@ -236,11 +236,7 @@ def test_the_time_step_that_a_refusal_offers_is_accepted(scale, limit):
 def test_the_estimate_of_the_cells_is_of_the_right_size(tmp_path):
     """Measured: 1178 (tiny, 2-D); 3054 (smoke) and 63 thousand (coarse) of the shipped scene."""
     shipped = ROOT / "cases" / "single_finger"
-    scenes = (
-        write_scene(tmp_path / "s"),
-        load_scene(shipped, "smoke"),
-        load_scene(shipped, "coarse"),
-    )
+    scenes = write_scene(tmp_path / "s"), *(load_scene(shipped, n) for n in ("smoke", "coarse"))
     for scene, cells in zip(scenes, (1178, 3054, 6.3e4), strict=True):
         assert cells / 3 < estimated_cells(scene) < 3 * cells
 

@@ -99,12 +99,9 @@ def test_a_version_without_programs_does_not_use_those_of_another(monkeypatch, t
 
 
 @pytest.mark.usefixtures("without_system")
-@pytest.mark.parametrize(
+@pytest.mark.parametrize(  # openfoam.org's version 12 has the file
     "bashrc, words",
-    [
-        (False, "there is no etc/bashrc"),
-        (True, "no pimpleFoam; openfoam.com v1912"),  # openfoam.org's version 12
-    ],
+    [(False, "there is no etc/bashrc"), (True, "no pimpleFoam; openfoam.com v1912")],
 )
 def test_a_folder_without_an_openfoam_is_refused(monkeypatch, tmp_path, bashrc, words):
     if bashrc:

@@ -69,13 +69,10 @@ def test_a_child_with_another_finger_does_not_see_its_parents_view(tmp_path):
     shipped = open_run(SINGLE, "smoke").scene
     assert run.scene.camera.scale_mm_per_px < 0.125 * 2 * 0.75  # half the pixels see it all
     assert run.scene.vortices.min_circulation < shipped.vortices.min_circulation
-    own = open_run(
-        write(tmp_path / "b", f"[camera]\ncentre = [0, 0.2]\n[motion]\n{short}"), "smoke"
-    )
-    assert own.scene.camera.scale_mm_per_px == shipped.camera.scale_mm_per_px
-    assert open_run(write(tmp_path / "c", "[piv]\nwindow = 24\n"), "smoke").scene.camera == (
-        shipped.camera
-    )
+    own = write(tmp_path / "b", f"[camera]\ncentre = [0, 0.2]\n[motion]\n{short}")
+    assert open_run(own, "smoke").scene.camera.scale_mm_per_px == shipped.camera.scale_mm_per_px
+    other = write(tmp_path / "c", "[piv]\nwindow = 24\n")
+    assert open_run(other, "smoke").scene.camera == shipped.camera
 
 
 def test_a_small_picture_of_stated_scale_leaves_out_the_root(tmp_path):

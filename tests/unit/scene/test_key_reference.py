@@ -13,6 +13,7 @@ from tests.conftest import write_scene
 from tests.studies.reference import FOLDER, PAGES
 
 KEYS = [*scene_reference.keys(), *dpiv_reference.KEYS]
+TEMPLATES = scene_reference.scene_template(), dpiv_reference.dpiv_template(None)
 # numbers that count, or are shares, powers and seeds
 BARE = {
     "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow",
@@ -35,9 +36,7 @@ def test_every_key_has_a_meaning_and_every_length_a_unit(key):
         assert key.unit, f"{key.name}: add its unit in brackets to its docstring"
 
 
-@pytest.mark.parametrize(
-    "text", [scene_reference.scene_template(), dpiv_reference.dpiv_template(None)]
-)
+@pytest.mark.parametrize("text", TEMPLATES)
 def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(text):
     table = tomllib.loads(text.replace("= …", "= 0"))
     wanted = [key.name for key in KEYS if key.default == MISSING and "." not in key.name]
@@ -47,10 +46,9 @@ def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(text):
 
 
 def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(tmp_path):
+    more = "[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1"
     with pytest.raises(StageError) as caught:
-        write_scene(
-            tmp_path / "s", more="[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1"
-        )
+        write_scene(tmp_path / "s", more=more)
     text = str(caught.value)
     assert "camera.scale_mm_px: this key is not known; did you mean scale_mm_per_px?" in text
     assert "piv.windows: this key is not known; did you mean window?" in text

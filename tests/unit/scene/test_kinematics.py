@@ -22,12 +22,8 @@ def csv_of(states, header="pressure_kpa,s,x,y"):
 
 def bent(gamma, length=0.07, n=30):
     s = np.linspace(0, length, n)
-    k = gamma / length
-    return (
-        np.column_stack([s, np.sin(k * s) / k, (1 - np.cos(k * s)) / k])
-        if gamma
-        else np.column_stack([s, s, 0 * s])
-    )
+    k = max(gamma, 1e-9) / length
+    return np.column_stack([s, np.sin(k * s) / k, 2 * np.sin(k * s / 2) ** 2 / k])
 
 
 GOOD = {0: bent(0.0), 10: bent(0.8), 20: bent(1.6)}
@@ -37,10 +33,8 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
     (tmp_path / "s.csv").write_text(csv_of(GOOD))
     states = read_states(tmp_path / "s.csv", 0.0145)
     assert states.pressure.tolist() == [0, 10e3, 20e3]
-    scene = write_scene(
-        tmp_path / "scene", more=STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"')
-    )
-    kinematics = motion_of(scene).shapes
+    more = STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"')
+    kinematics = motion_of(write_scene(tmp_path / "scene", more=more)).shapes
     for kpa, gamma in ((0, 0.0), (10, 0.8), (20, 1.6)):
         # 30 digitised points have a chord error of (s/R)^2/24 of a point's turn: 1e-3 rad
         assert kinematics.bend(kpa * 1e3) == pytest.approx(gamma, abs=2e-3)
@@ -72,9 +66,8 @@ def test_bad_states_are_one_sentence(tmp_path, text, words):
 def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):
     (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,50000\n0.2,90000\n")
     scene = write_scene(tmp_path / "s", more='[motion]\npressure_csv = "../p.csv"')
-    with pytest.raises(
-        StageError, match=r"p.csv: the motion runs over 0…90 kPa but the states cover -40…40 kPa"
-    ):
+    words = r"p.csv: the motion runs over 0…90 kPa but the states cover -40…40 kPa"
+    with pytest.raises(StageError, match=words):
         motion_of(scene)
 
 
@@ -104,9 +97,8 @@ def test_a_history_that_begins_with_a_jump_of_its_slope_is_smoothed_or_warned_of
     """The default smoothing starts from rest; without it, the first force is that of a jerk."""
     (tmp_path / "p.csv").write_text("t,p\n0,0\n0.1,3000\n0.2,6000\n0.4,12000\n")
     for name, more, warned in (("a", "", False), ("b", "smoothing = 0.0", True)):
-        scene = write_scene(
-            tmp_path / name, more=f'[motion]\npressure_csv = "../p.csv"\n{more}\nend_time = 0.4'
-        )
+        motion = f'[motion]\npressure_csv = "../p.csv"\n{more}\nend_time = 0.4'
+        scene = write_scene(tmp_path / name, more=motion)
         scene.out.mkdir(parents=True)
         run(scene)
         text = capsys.readouterr().out
@@ -121,17 +113,12 @@ def test_a_length_that_the_states_contradict_is_refused(tmp_path):
 def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
     with pytest.raises(StageError, match="states cover"):
         motion_of(write_scene(tmp_path / "a", more=STROKE.format(p=60, more="")))
-    tall = (
-        STROKE.format(p=39, more="") + "[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n"
-    )
+    tall = STROKE.format(p=39, more="[tank]\nwater_depth = 0.252\n[finger.tip]\nlength = 0.04\n")
     with pytest.raises(StageError, match="leaves the water"):
         kinematics_values(write_scene(tmp_path / "b", more=tall))
+    suction = STROKE.format(p=-30, more='source = "paper_equations"')
     with pytest.raises(StageError, match=r"set motion\.source"):
-        motion_of(
-            write_scene(
-                tmp_path / "c", more=STROKE.format(p=-30, more='source = "paper_equations"')
-            )
-        )
+        motion_of(write_scene(tmp_path / "c", more=suction))
     (tmp_path / "curl.csv").write_text(csv_of({0: bent(0.0), 10: bent(3.5), 20: bent(7.0)}))
     curled = STROKE.format(p=20, more=f'states = "{tmp_path / "curl.csv"}"')
     with pytest.raises(StageError, match="crosses itself"):
@@ -140,10 +127,8 @@ def test_a_stroke_beyond_the_states_or_out_of_the_water_is_refused(tmp_path):
 
 def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
     for side, sign in (("+x", 1), ("-x", -1)):
-        scene = write_scene(
-            tmp_path / side, more=f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n'
-        )
-        data = kinematics_values(scene)
+        more = f'[finger]\nventral = "{side}"\nroot = [0.01, 0.24]\n'
+        data = kinematics_values(write_scene(tmp_path / side, more=more))
         rest, bent_ = data["shape_outline"][[0, -1]]
         assert rest[:, 1].max() == pytest.approx(0.24, abs=1e-9)
         assert rest[:, 0].mean() == pytest.approx(0.01, abs=1e-4)

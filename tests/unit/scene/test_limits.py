@@ -16,8 +16,12 @@ from tests.conftest import ROOT
 SINGLE = ROOT / "cases" / "single_finger"
 OBJECT = "[pinch.object]\ndiameter = {d}\ncentre_height = {y}\n"
 SUPPORT = "[support]\nsize = [{x}, {h}, 0.05]\nbottom = {y}\n"
-SMALL = ("tip_cell", "wall_cell", "near_cell", "wall_first_layer")
+CELLS = ("tip_cell", "wall_cell", "near_cell", "wall_first_layer")
+SMALL = "\n".join(["[mesh]", *(f"{key} = 1.5e-5" for key in CELLS)])
+MANY_FRAMES = "[piv]\nframes = 99\n[camera]\npairs_every = 1\n[sheet]\nrate_hz = 100.0"
+TWO = "[[motion.strokes]]\npressure_kpa = {}\nstart = {}\nduration = 0.1\n"
 STROKES = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = {t}, duration = {d} }}]"
+MEASURED = '[motion]\nstrokes = []\npressure_csv = "p.csv"\n'
 NONSENSE = [
     # sections, words of the sentence
     ("[sheet]\nrate_hz = 1.0", ["sheet.rate_hz = 1", "0 pictures", "give at least 9.6"]),
@@ -43,10 +47,7 @@ NONSENSE = [
     ("[mesh]\nwall_first_layer = 0.004", ["mesh.wall_first_layer", "0.0024"]),
     ("[mesh]\nwall_grading = 0.001", ["mesh.wall_grading", "0.02"]),
     ("[mesh]\ntip_transition = 5e-324", ["mesh.tip_transition", "thousandth"]),
-    (
-        "\n".join(["[mesh]", *(f"{k} = 1.5e-5" for k in SMALL)]),
-        ["cells in", "GB of memory", "times larger"],
-    ),
+    (SMALL, ["cells in", "GB of memory", "times larger"]),
     ("[mesh]\nnear_distance = 50.0", ["mesh.near_distance", "more than the tank"]),
     ("[mesh]\nedge_layer = 1.0", ["mesh.edge_layer", "finger's width"]),
     ("[tank]\nsize = [19.0, 0.33, 0.3]", ["tank.size", "millimetres", "at most 1 and 5"]),
@@ -56,15 +57,8 @@ NONSENSE = [
     ("[finger.tip]\nthickness = 0.005", ["finger.tip", "length"]),
     ("[motion]\npath_step = 0.1", ["motion.path_step", "rigid"]),
     ("[motion]\nend_time = 0.4205", ["motion.end_time", "give"]),
-    (
-        '[motion]\nstrokes = []\npressure_csv = "p.csv"\nstart_pressure_kpa = 5.0',
-        ["start_pressure_kpa", "remove"],
-    ),
-    (
-        "[[motion.strokes]]\npressure_kpa = 2\nstart = 0.2\nduration = 0.1\n"
-        "[[motion.strokes]]\npressure_kpa = 1\nstart = 0.1\nduration = 0.1",
-        ["strokes", "sort"],
-    ),
+    (MEASURED + "start_pressure_kpa = 5.0", ["start_pressure_kpa", "remove"]),
+    (TWO.format(2, 0.2) + TWO.format(1, 0.1), ["strokes", "sort"]),
     ("[tank]\nwater_depth = 0.4", ["water_depth", "exceeds"]),
     ("[sheet]\nz = 0.2", ["sheet.z", "outside"]),
     ("[sheet]\nz = 0.01", ["sheet.z", "symmetry plane"]),
@@ -91,19 +85,13 @@ NONSENSE = [
     (STROKES.format(p=0.0, t=0.005, d=0.4), ["no stroke changes the pressure", "another pressure"]),
     (STROKES.format(p=20.0, t=5.0, d=0.4), ["no stroke changes the pressure", "earlier start"]),
     ("[motion]\nend_time = 0.001", ["motion.end_time", "give at least 0.008"]),
-    (
-        "[numerics]\ntime_step = 1e-3\n[motion]\nend_time = 0.004",
-        ["sheet.rate_hz = 500", "2 pictures", "give at least 1000"],
-    ),
+    ("[numerics]\ntime_step = 1e-3\n[motion]\nend_time = 0.004", ["2 pictures", "at least 1000"]),
     ("[motion]\nend_time = 1e9", ["motion.end_time", "at most 600"]),
     ('mesh = "fine"', ["mesh", "got 'fine'"]),
     ("body = 3", ["body", "got 3"]),
     # accepted and meaningless before
     ("[structure]\nbending_stiffness = 1e-12", ["structure.bending_stiffness", "7.11e-06"]),
-    (
-        "[piv]\nframes = 99\n[camera]\npairs_every = 1\n[sheet]\nrate_hz = 100.0",
-        ["piv.frames = 99", "42 frames", "0 vector fields", "fewer than 2"],
-    ),
+    (MANY_FRAMES, ["piv.frames = 99", "42 frames", "0 vector fields", "fewer than 2"]),
     ("[piv]\nevery = 10000", ["piv.every = 10000", "1 vector fields"]),
     ("[camera]\npairs_every = 10000", ["camera.pairs_every = 10000", "1 vector fields"]),
     ("[sheet]\nrate_hz = 10.0", ["sheet.rate_hz = 10", "1 vector fields"]),

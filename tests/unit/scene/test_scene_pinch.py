@@ -7,7 +7,17 @@ from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT, write_scene
 
-OBJECT = "[pinch.object]\ndiameter = {d}\ncentre_height = {y}\n"
+BACK = """[motion]
+start_pressure_kpa = 20.0
+strokes = [{ pressure_kpa = 0.0, start = 0.005, duration = 0.4 }]
+"""
+OBJECT = """[pinch]
+half_distance = 0.045
+residual_gap = 0.0005
+object = { diameter = 0.07, centre_height = 0.18 }
+[finger]
+tilt_deg = 20.0
+"""
 SUPPORT = "[support]\nsize = [{x}, {h}, 0.05]\nbottom = {y}\n"
 
 
@@ -33,17 +43,9 @@ def test_finger_0_hangs_left_of_the_plane(tmp_path, kind):
 @pytest.mark.parametrize(
     "more, words",
     [
-        (
-            "[motion]\nstart_pressure_kpa = 20.0\n"
-            "strokes = [{ pressure_kpa = 0.0, start = 0.005, duration = 0.4 }]\n",
-            r"gap of -4\.0\d mm to the plane",
-        ),
+        (BACK, r"gap of -4\.0\d mm to the plane"),
         ("[finger]\ntilt_deg = 40.0\n", r"gap of -\d\.\d\d mm to the plane"),
-        (
-            OBJECT.format(d=0.07, y=0.18)
-            + "[pinch]\nhalf_distance = 0.045\nresidual_gap = 0.0005\n[finger]\ntilt_deg = 20.0",
-            "to the plane or the object",
-        ),
+        (OBJECT, "to the plane or the object"),
     ],
 )
 def test_shapes_beyond_the_plane_are_refused(tmp_path, more, words):

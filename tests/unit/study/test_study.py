@@ -90,9 +90,8 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
     (row,) = read_study(path)
     run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
     assert list(run.stale("kinematics")) == ["fea", "kinematics"]
-    assert (run.scene.folder / run.scene.motion.states).resolve() == (
-        run.out / "states.h5"
-    ).resolve()
+    states = run.scene.folder / run.scene.motion.states
+    assert states.resolve() == (run.out / "states.h5").resolve()
 
 
 @pytest.mark.parametrize(

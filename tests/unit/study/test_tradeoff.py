@@ -79,10 +79,8 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
     path, warning = results_of(load_scene(SINGLE))
     assert (path, warning) == (SINGLE / "studies" / "results" / "tradeoff.csv", "")
     like = own_scene(tmp_path / "like", "[finger]\ntilt_deg = 5.0\n")
-    assert results_of(like) == (
-        path,
-        "warning: the errors were measured on single_finger, a scene like it",
-    )
+    warning = "warning: the errors were measured on single_finger, a scene like it"
+    assert results_of(like) == (path, warning)
     motion = '[motion]\nsource = "paper_equations"\nend_time = 0.42\n'
     for name, text, words in (
         ("short", f"{motion}[finger]\nlength = 0.035\n", r"length \(m\) 0\.035 against 0\.07"),
@@ -200,9 +198,8 @@ def test_figure_and_results_that_can_be_chosen_from(tmp_path):
     table.loc[table["run"] == "medium", "error"] = 0.06
     write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
     _, head = read_results(path)
-    assert "relative to medium, whose own error is estimated at 6.0%" in reference_warning(
-        head, 0.05
-    )
+    told = "relative to medium, whose own error is estimated at 6.0%"
+    assert told in reference_warning(head, 0.05)
     assert reference_warning(head, 0.07) == ""
     assert reference_warning({"best": "medium"}, 0.01) == ""  # an older table
     # the best has no error, PIV is no flow
