@@ -14,22 +14,13 @@ from postprocess.tables import write_table
 PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks"
 
 
-def write_study(name: str, text: str) -> None:
-    """Write the Markdown tables of a study as `<name>_<k>.csv`, and its other lines as text."""
-    tables: list[list[str]] = []
-    notes, before = [], ""
-    for line in text.splitlines():
-        if line.startswith("|"):
-            if not before.startswith("|"):
-                tables.append([])
-            tables[-1].append(line)
-        else:
-            notes.append(line)
-        before = line
-    for k, (head, _, *lines) in enumerate(tables, 1):
-        columns, *rows = ([c.strip() for c in row.strip("| ").split("|")] for row in (head, *lines))
-        write_table(PIV / f"{name}_{k}.csv", pd.DataFrame(rows, columns=columns))
-    write_text(PIV / f"{name}.txt", "\n".join(notes).strip() + "\n")
+def write_study(name: str, tables: list[pd.DataFrame], *notes: str) -> None:
+    """Print the tables and notes of a study, and write them as `<name>_<k>.csv`, `<name>.txt`."""
+    for k, table in enumerate(tables, 1):
+        print(table.to_string(index=False), end="\n\n")
+        write_table(PIV / f"{name}_{k}.csv", table)
+    print(*notes, sep="\n", flush=True)
+    write_text(PIV / f"{name}.txt", "\n".join(notes) + "\n")
 
 
 def machine() -> str:

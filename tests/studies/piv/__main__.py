@@ -1,16 +1,20 @@
 """`make bench-piv`: every study of PIV in a process of its own; writes docs/piv_benchmarks.
 
-Pairs and peers' results lie in .venv-bench, so that a stopped run goes on.
+python -m tests.studies.piv limits    one of them. Pairs and peers' results stay in .venv-bench, so
+that a stopped run goes on. All work on one core: CPU times can be compared.
 """
 
+import os
 import subprocess
 import sys
+from importlib import import_module
 
-KEPT = {"benchmark": "benchmark", "turbulence": "turbulence", "public_data": "public"}
+STUDIES = ("limits", "benchmark", "turbulence", "public_data", "costs")
 
 if __name__ == "__main__":
-    for name in ("limits", "unseen", *KEPT, "costs"):
-        keep = ["--folder", f".venv-bench/{KEPT[name]}"] if name in KEPT else []
-        words = [sys.executable, "-m", f"tests.studies.piv.{name}", "--docs", *keep]
-        if code := subprocess.run(words, check=False).returncode:
-            sys.exit(code)
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    os.environ |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    if len(sys.argv) > 1:
+        import_module(f"tests.studies.piv.{sys.argv[1]}").study()
+    for name in STUDIES if len(sys.argv) == 1 else ():
+        subprocess.run([sys.executable, "-m", "tests.studies.piv", name], check=True)

@@ -2,22 +2,19 @@
 
 Flows are rendered with seeds that served no tuning (tuning used seeds below 100). CPU seconds of
 one core; RMS errors are per component over the vectors at least 24 px from the edge that every
-method gives. --docs writes the tables into docs/piv_benchmarks.
+method gives.
 """
 
-import os
 from collections.abc import Iterator
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-import cv2
 import numpy as np
+import pandas as pd
 
 from tests.studies.pages import machine, write_study
 from tests.studies.piv.flows import CASES, CENTRE, SHAPE, Case
 from tests.studies.piv.pairs import render_pair
-from tests.studies.piv.scores import TOLD, inner, rms_of, told
-from tests.studies.piv.with_peers import OURS, Pair, arguments, compared
+from tests.studies.piv.scores import inner, rms_of, told
+from tests.studies.piv.with_peers import OURS, Pair, compared
 
 SHEET = 12.0  # px
 FIRST = 1001
@@ -46,10 +43,8 @@ def pairs(seeds: list[int]) -> Iterator[Pair]:
 
         rows = {label: (case.flow, counts)}
         if case.core:
-            rows[core(label)] = (
-                case.flow,
-                lambda x, y, radius=case.core: from_centre(x, y) < radius,
-            )
+            near = lambda x, y, radius=case.core: from_centre(x, y) < radius  # noqa: E731
+            rows[core(label)] = case.flow, near
         for seed in seeds:
             yield Pair(f"{k:02d}_{seed}", render(case, seed), rows)
 
@@ -59,31 +54,23 @@ def core(label: str) -> str:
     return f"core of {label}"
 
 
-def tables(results: dict, seeds: list[int]) -> str:
-    """Markdown: errors of every method, ours against the best peer, uncertainty, speed."""
+def study() -> None:
+    """Errors of every method, ours against the best peer, uncertainty, speed."""
+    seeds = [FIRST, FIRST + 1]
+    results = compared("benchmark", pairs(seeds))
     names = list(results)
     score = {n: {row: rms_of(parts) for row, parts in results[n].items()} for n in names}
     pairs_of = {n: [p for c in CASES for p in results[n][c]] for n in names}
     seconds = {n: float(np.median([p.seconds for p in pairs_of[n]])) for n in names}
     vectors = {n: pairs_of[n][0].vectors for n in names}
-    lines = [
-        "RMS error per component, px (after the slash: in the core), where every method gives a "
-        "vector",
-        "",
-        "| flow | " + " | ".join(names) + " |",
-        "|---" * (len(names) + 1) + "|",
-    ]
+    rows = []
     for c, case in CASES.items():
-        cells = [f"{e:.4f}" if (e := score[n][c]) < 0.01 else f"{e:.3f}" for n in names]
+        cells = {n: f"{e:.4f}" if (e := score[n][c]) < 0.01 else f"{e:.3f}" for n in names}
         if case.core:
-            cells = [
-                f"{cell}/{score[n][core(c)]:.3f}" for cell, n in zip(cells, names, strict=True)
-            ]
-        lines.append(f"| {c} | " + " | ".join(cells) + " |")
-    lines.append("| CPU s per pair | " + " | ".join(f"{seconds[n]:.2f}" for n in names) + " |")
-    lines.append(
-        "| vectors/s | " + " | ".join(f"{vectors[n] / seconds[n]:,.0f}" for n in names) + " |"
-    )
+            cells = {n: f"{cell}/{score[n][core(c)]:.3f}" for n, cell in cells.items()}
+        rows.append({"flow": c} | cells)
+    rows.append({"flow": "CPU s per pair"} | {n: f"{seconds[n]:.2f}" for n in names})
+    rows.append({"flow": "vectors/s"} | {n: f"{vectors[n] / seconds[n]:,.0f}" for n in names})
     openpiv = [n for n in names if n.startswith("OpenPIV")]
     best = {c: min(score[n][c] for n in names[1:]) for c in CASES}
     totals = {n: np.exp(np.mean([np.log(score[n][c]) for c in CASES])) for n in names}
@@ -94,32 +81,17 @@ def tables(results: dict, seeds: list[int]) -> str:
         "OpenPIV at 8 px": min(seconds[n] for n in openpiv if vectors[n] > 15000),
         "PIVtools": min(seconds[n] for n in names if n.startswith("PIVtools")),
     }
-    lines += [
-        "",
-        f"- Geometric mean of the errors against {top}, the best OpenPIV configuration: "
-        f"{totals[top] / totals[OURS]:.2f}×; against the best of each flow over all OpenPIV "
-        f"configurations: {np.exp(np.mean(np.log(each))):.2f}×.",
+    faster = ", ".join(f"{t / seconds[OURS]:.1f}× {n}" for n, t in peer_time.items())
+    own = [{"flow": c} | told(results[OURS][c]) for c in CASES]
+    write_study(
+        "benchmark",
+        [pd.DataFrame(rows), pd.DataFrame(own)],
+        "RMS error per component, px (after the slash: in the core), where every method gives a"
+        " vector",
+        f"- Geometric mean of the errors against {top}, the best OpenPIV configuration:"
+        f" {totals[top] / totals[OURS]:.2f}×; against the best of each flow over all OpenPIV"
+        f" configurations: {np.exp(np.mean(np.log(each))):.2f}×.",
         f"- Worse than the best peer: {', '.join(worse) or 'in no flow'}.",
-        "- Speed (CPU time, same run): "
-        + ", ".join(f"{t / seconds[OURS]:.1f}× {n}" for n, t in peer_time.items())
-        + ".",
-    ]
-    lines += ["", f"| flow | {TOLD}", "|---" * 5 + "|"]
-    lines += [f"| {c} | {told(results[OURS][c])}" for c in CASES]
-    return "\n".join([*lines, "", f"Seeds {seeds[0]}-{seeds[-1]}; {machine()}."])
-
-
-def main() -> None:
-    """Run, print, and write to the docs where asked."""
-    args = arguments(__doc__, seeds=2)
-    cv2.setNumThreads(1)
-    seeds = list(range(FIRST, FIRST + args.seeds))
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    text = tables(compared(args.folder, pairs(seeds)), seeds)
-    print(text)
-    if args.docs:
-        write_study("benchmark", text)
-
-
-if __name__ == "__main__":
-    main()
+        f"- Speed (CPU time, same run): {faster}.",
+        f"Seeds {seeds[0]}-{seeds[-1]}; {machine()}.",
+    )

@@ -1,11 +1,8 @@
 """Costs of a large pair, of a plane of many vortices and of rendering (make bench-piv).
 
-CPU time, which other programs on the machine hardly change. --docs writes the figures into
-docs/piv_benchmarks.
+CPU time, which other programs on the machine hardly change.
 """
 
-import argparse
-import os
 import resource
 import subprocess
 import sys
@@ -13,7 +10,6 @@ import tempfile
 import time
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 import numpy as np
 import xarray as xr
@@ -114,18 +110,8 @@ def rendering() -> str:
     )
 
 
-def main() -> None:
-    """Print the figures, and write them to the docs where asked."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write them into docs/piv_benchmarks")
-    args = parser.parse_args()
-    cv2.setNumThreads(1)
+def study() -> None:
+    """All of them."""
     seeds = f"Seeds 1601, {SEEDS[0] - 1}-{SEEDS[-1]}"
-    text = f"{large_pair()}\n{turbulent_vortices()}\n{rendering()}\n\n{seeds}; {machine()}."
-    print(text)
-    if args.docs:
-        write_study("costs", text)
-
-
-if __name__ == "__main__":
-    main()
+    notes = large_pair(), turbulent_vortices(), rendering(), f"{seeds}; {machine()}."
+    write_study("costs", [], *notes)

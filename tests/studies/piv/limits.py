@@ -1,28 +1,25 @@
-"""PIV where it becomes worse: short waves, few particles, walls.
+"""Flows that served no tuning, and where PIV becomes worse: short waves, few particles, walls.
 
-python -m tests.studies.piv.limits [--docs]   Own results only, seeds 3101 and up,
-which served no tuning; --docs writes them into docs/piv_benchmarks.
+Own results only, seeds 2001 and 3101 and up, which served no tuning.
 """
 
-import argparse
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-import cv2
 import numpy as np
+import pandas as pd
 
 from piv.correlation.pair import correlate_pair
 from tests.studies.pages import libraries, write_study
-from tests.studies.piv.flows import SHAPE, lamb_oseen, random_field, sine, uniform
+from tests.studies.piv.flows import CENTRE, SHAPE, lamb_oseen, random_field, sine, uniform
 from tests.studies.piv.pairs import render_pair
-from tests.studies.piv.scores import HEAD, Errors, inner, judged, row
+from tests.studies.piv.scores import EDGE, Errors, inner, joined, judged, rms, told
 from tests.studies.piv.walls import walls
 from tests.studies.stability import images
 
-FIRST = 3101
+FIRST, UNSEEN_FIRST = 3101, 2001
+WALL = 200.0  # px above the bottom row: the body beside which the boundary layer flows
 
 
 @dataclass(frozen=True)
@@ -33,6 +30,30 @@ class Limit:
     pairs: int = 4
     render: dict[str, Any] = field(default_factory=dict)
     piv: dict[str, Any] = field(default_factory=dict)
+    wall: float = 0.0  # px above the bottom row: a body up to there is masked
+
+
+def stagnation(x, y):
+    """Plane stagnation point, 0.012 px/px."""
+    return 0.012 * (x - CENTRE[0]), -0.012 * (y - CENTRE[1])
+
+
+def taylor_green(x, y):
+    """Taylor-Green array of 180 px wavelength, 3 px strong."""
+    k = 2 * np.pi / 180
+    return 3 * np.sin(k * x) * np.cos(k * y), -3 * np.cos(k * x) * np.sin(k * y)
+
+
+def merging(x, y):
+    """Two like vortices of 30 px core radius, 90 px apart, in a drift."""
+    one = lamb_oseen(30, 4, (CENTRE[0] - 45, CENTRE[1]))(x, y)
+    two = lamb_oseen(30, 4, (CENTRE[0] + 45, CENTRE[1]))(x, y)
+    return one[0] + two[0] + 2.3, one[1] + two[1] + 0.4
+
+
+def boundary_layer(x, y):
+    """Laminar-like layer 25 px thick over a body."""
+    return 5 * -np.expm1(-np.maximum(y - WALL, 0) / 25), 0 * x
 
 
 def drifting_vortex(x, y):
@@ -68,6 +89,12 @@ LIMITS = {
         GENERAL, 4, NOISY, {"smoothing": False}
     ),
 }
+UNSEEN = {
+    "stagnation point": Limit(stagnation, 3, NOISY),
+    "Taylor-Green, 180 px": Limit(taylor_green, 3, NOISY),
+    "merging vortices": Limit(merging, 3, NOISY),
+    "boundary layer beside a mask": Limit(boundary_layer, 3, NOISY, wall=WALL),
+}
 EXTREMES = 20  # pairs of each
 CHOSEN = (
     ("seeding (ppp)", "0.001", "balanced"),
@@ -78,62 +105,60 @@ CHOSEN = (
 )
 
 
-def measured(limit: Limit) -> list[Errors]:
-    """Those of each pair."""
+def measured(limit: Limit, first: int) -> list[Errors]:
+    """Those of the inner vectors of each pair; beside a body also of the ones next to it."""
+    rows = np.arange(SHAPE[0])[:, None] > SHAPE[0] - 1 - limit.wall
+    mask = np.broadcast_to(rows, SHAPE) if limit.wall else None
+
+    def counts(x, y):
+        return inner(SHAPE)(x, np.maximum(y, EDGE) if limit.wall else y) & (y > limit.wall)
+
     parts = []
-    for seed in range(FIRST, FIRST + limit.pairs):
+    for seed in range(first, first + limit.pairs):
         pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
-        parts.append(judged(correlate_pair(*pair, **limit.piv), limit.flow, inner(SHAPE)))
+        if mask is not None:
+            pair = tuple(np.where(mask, 5, image).astype(image.dtype) for image in pair)
+        field = correlate_pair(*pair, mask=mask, **limit.piv)
+        parts.append(judged(field, limit.flow, counts))
     return parts
 
 
-def table() -> str:
+def table(limits: dict[str, Limit], first: int) -> pd.DataFrame:
     """Every limit as a row."""
-    lines = [f"| pictures | pairs | {HEAD.replace('|---|', '|---|---|', 1)}"]
-    lines += [
-        f"| {label} | {limit.pairs} | {row(measured(limit))}" for label, limit in LIMITS.items()
-    ]
-    return "\n".join(lines)
+    rows = []
+    for label, limit in limits.items():
+        parts = measured(limit, first)
+        error = {"RMS error, px": f"{rms(joined(parts).e):.4f}"}
+        rows.append({"pictures": label, "pairs": limit.pairs} | error | told(parts))
+    return pd.DataFrame(rows)
 
 
-def extremes(first: int) -> str:
-    """Markdown table of pictures of docs/stability.md at the limit; seeds from `first`."""
+def extremes(first: int) -> pd.DataFrame:
+    """Pictures of docs/stability.md at the limit; seeds from `first`."""
     rows, columns = images.SHAPE
-    lines = [
-        f"| pictures of {columns} × {rows} px (docs/stability.md) | preset | pairs | called valid "
-        f"| of those wrong by over {images.WRONG_PX} px "
-        f"| in the worst pair | pairs over {images.MAX_UNFLAGGED:.0%} |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    table = []
     for axis, value, preset in CHOSEN:
         case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
         scores = [images.run_case(case, preset, seed) for seed in range(first, first + EXTREMES)]
-        valid, wrong = (
-            np.array([r[name] for r in scores]) for name in ("valid", "wrong_unflagged")
-        )
-        label = value if axis == "special" else f"{axis} {value}"
+        valid, wrong = (np.array([r[n] for r in scores]) for n in ("valid", "wrong_unflagged"))
         # of other particles all that are valid are wrong, and counted as a share of all vectors
         mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)
-        lines.append(
-            f"| {label} | {preset} | {EXTREMES} | {valid.mean():.1%} | {mean:.1%} | "
-            f"{wrong.max():.1%} "
-            f"| {np.sum(wrong > images.MAX_UNFLAGGED)} |"
-        )
-    return "\n".join(lines)
+        table.append({
+            f"pictures of {columns} × {rows} px (docs/stability.md)":
+                value if axis == "special" else f"{axis} {value}",
+            "preset": preset,
+            "pairs": EXTREMES,
+            "called valid": f"{valid.mean():.1%}",
+            f"of those wrong by over {images.WRONG_PX} px": f"{mean:.1%}",
+            "in the worst pair": f"{wrong.max():.1%}",
+            f"pairs over {images.MAX_UNFLAGGED:.0%}": np.sum(wrong > images.MAX_UNFLAGGED),
+        })  # fmt: skip
+    return pd.DataFrame(table)
 
 
-def main() -> None:
-    """Measure, print, and write to the docs where asked."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--docs", action="store_true", help="write it into docs/piv_benchmarks")
-    args = parser.parse_args()
-    cv2.setNumThreads(1)
-    parts = table(), extremes(FIRST), walls(FIRST), f"Seeds from {FIRST}; {libraries()}."
-    text = "\n\n".join(parts)
-    print(text)
-    if args.docs:
-        write_study("limits", text)
-
-
-if __name__ == "__main__":
-    main()
+def study() -> None:
+    """Flows that served no tuning, and the limits."""
+    seeds = f"Seeds from {UNSEEN_FIRST}; {libraries()}."
+    write_study("unseen", [table(UNSEEN, UNSEEN_FIRST)], seeds)
+    tables = [table(LIMITS, FIRST), extremes(FIRST), walls(FIRST)]
+    write_study("limits", tables, f"Seeds from {FIRST}; {libraries()}.")

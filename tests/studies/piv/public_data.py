@@ -2,23 +2,21 @@
 
 No setting was set on them. The shared data (tests/shared_data.py) hold copies of the repositories
 quenot/opflow, erizmr/UnLiteFlowNet-PIV and shengzesnail/PIV-LiteFlowNet-en in folders of the
-repositories' names; none of it may be passed on with the project. --docs writes the table into
-docs/piv_benchmarks.
+repositories' names; none of it may be passed on with the project.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 import numpy as np
+import pandas as pd
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from tests.shared_data import shared_data
 from tests.studies.pages import libraries, write_study
-from tests.studies.piv.scores import EDGE, TOLD, absent, inner, joined, rms_of, speed, told
-from tests.studies.piv.with_peers import OURS, Pair, arguments, compared
+from tests.studies.piv.scores import EDGE, absent, inner, joined, rms_of, speed, told
+from tests.studies.piv.with_peers import OURS, PEER_NAMES, Pair, compared
 
 QUENOT = "opflow/jeif98/synthetic"  # Quénot et al. 1998: two cylinders
 CAI = ("UnLiteFlowNet-PIV/sample_data", "PIV-LiteFlowNet-en/demos/testedData")  # Cai et al. 2019
@@ -103,59 +101,35 @@ def cell(parts: list) -> str:
     return text + (f" ({absent(parts):.0%} absent)" if absent(parts) > 0.005 else "")
 
 
-def tables(results: dict) -> str:
-    """Markdown: errors of every method, and what is told of our own vectors."""
+def study() -> None:
+    """Errors of every method, and what is told of our own vectors."""
+    data = shared_data() or Path("shared", "data")
+    if missing := [f for f in (QUENOT, *CAI) if not (data / f).is_dir()]:
+        # a benchmark without them keeps the table that it has
+        print(f"{data / missing[0]}: no folder, so public pairs are left out")
+        return
+    results: dict = {}
+    for source in (cylinders, simulated):  # pairs of one folder have one size
+        for name, rows in compared(f"public_{source.__name__}", source(data)).items():
+            results.setdefault(name, {}).update(rows)
     names = sorted(results, key=lambda n: n not in (OURS, MASKED))
-    lines = [
-        "RMS error per component, px, where every method gives a vector; after the slash the mean "
-        "length of the error",
-        "",
-        "| flow (pairs) | " + " | ".join(names) + " | best OpenPIV, best PIVtools over ours |",
-        "|---" * (len(names) + 2) + "|",
-    ]
-    own = [f"| flow | {TOLD} vectors/s |", "|---" * 6 + "|"]
+    errors, own = [], []
     for row, parts in results[OURS].items():
         there = {n: results[n][row] for n in names if row in results[n]}
         ratio = "–"
         if absent(parts) <= MANY:
-            best = (
-                min(rms_of(there[n]) for n in there if n.startswith(p))
-                for p in ("OpenPIV", "PIVtools")
-            )
+            found = [(n, rms_of(there[n])) for n in there]
+            best = (min(e for n, e in found if n.startswith(p)) for p in PEER_NAMES)
             ratio = ", ".join(f"{b / rms_of(parts):.2f}×" for b in best)
-        cells = [cell(there[n]) if n in there else "" for n in names]
-        lines.append(f"| {row} ({len(parts)}) | " + " | ".join(cells) + f" | {ratio} |")
-        if not row.endswith(INSTANT):
-            own += [
-                f"| {row}{f', {n}' * (n != OURS)} | {told(there[n])} {speed(there[n]):,.0f} |"
-                for n in (OURS, MASKED)
-                if n in there
-            ]
-    return "\n".join([*lines, "", *own, "", f"{libraries()}."])
-
-
-def main() -> None:
-    """Run, print, and write to the docs where asked."""
-    args = arguments(__doc__)
-    data = shared_data() or Path("shared", "data")
-    if missing := [f for f in (QUENOT, *CAI) if not (data / f).is_dir()]:
-        # a benchmark without them keeps the table that it has
-        print(
-            f"{data / missing[0]}: no folder, so public pairs are left out; copy "
-            f"{missing[0].split('/')[0]} there"
-        )
-        return
-    cv2.setNumThreads(1)
-    results: dict = {}
-    for source in (cylinders, simulated):  # pairs of one folder have one size
-        keep = args.folder and args.folder / source.__name__
-        for name, rows in compared(keep, source(data)).items():
-            results.setdefault(name, {}).update(rows)
-    text = tables(results)
-    print(text)
-    if args.docs:
-        write_study("public", text)
-
-
-if __name__ == "__main__":
-    main()
+        cells = {n: cell(there[n]) if n in there else "" for n in names}
+        last = {"best OpenPIV, best PIVtools over ours": ratio}
+        errors.append({"flow (pairs)": f"{row} ({len(parts)})"} | cells | last)
+        for name in (OURS, MASKED):
+            if name in there and not row.endswith(INSTANT):
+                label, of = f"{row}{f', {name}' * (name != OURS)}", there[name]
+                own.append({"flow": label} | told(of) | {"vectors/s": f"{speed(of):,.0f}"})
+    caption = (
+        "RMS error per component, px, where every method gives a vector; after the slash the mean"
+        " length of the error"
+    )
+    write_study("public", [pd.DataFrame(errors), pd.DataFrame(own)], caption, f"{libraries()}.")

@@ -10,10 +10,9 @@ FAR = 0.5  # px
 EDGE = 24  # px
 UNCERTAIN = 5  # flag
 TOLD = (
-    f"coverage of ±1 standard uncertainty | uncertain (flag {UNCERTAIN}) | "
-    f"of the others > {FAR} px | absent |"
-)
-HEAD = f"RMS error, px | {TOLD}\n|---|---|---|---|---|---|"
+    "coverage of ±1 standard uncertainty", f"uncertain (flag {UNCERTAIN})",
+    f"of the others > {FAR} px", "absent",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,15 +89,11 @@ def absent(parts: list[Errors]) -> float:
     return float(np.mean(~np.isfinite(joined(parts).e).all(axis=0)))
 
 
-def told(parts: list[Errors]) -> str:
-    """Cells below TOLD; shares are of the vectors given."""
+def told(parts: list[Errors]) -> dict[str, str]:
+    """Cells of the columns TOLD; shares are of the vectors given."""
     all_ = joined(parts)
     known = np.isfinite(all_.e).all(axis=0)
     e, uncertain = all_.e[:, known], all_.flag[known] == UNCERTAIN
     cover, far = np.mean(np.abs(e) < all_.std[:, known]), np.mean(np.hypot(*e[:, ~uncertain]) > FAR)
-    return f"{cover:.0%} | {uncertain.mean():.2%} | {far:.3%} | {absent(parts):.2%} |"
-
-
-def row(parts: list[Errors]) -> str:
-    """Cells below HEAD."""
-    return f"{rms(joined(parts).e):.4f} | {told(parts)}"
+    cells = f"{cover:.0%}", f"{uncertain.mean():.2%}", f"{far:.3%}", f"{absent(parts):.2%}"
+    return dict(zip(TOLD, cells, strict=True))

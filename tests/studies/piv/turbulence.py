@@ -1,25 +1,20 @@
 """Planes of three-dimensional turbulence against the peers (make bench-piv).
 
-Seeds 4201 and up, which served no tuning. The peers' configurations are those of the benchmark, in
-the same environment. --docs writes the tables into docs/piv_benchmarks; --alone leaves the peers
-out and prints only.
+Seeds 4201 and up, which served no tuning.
 """
 
-import os
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
-import cv2
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from tests.studies.pages import libraries, write_study
 from tests.studies.piv.flows import SHAPE
 from tests.studies.piv.particles import render
-from tests.studies.piv.scores import TOLD, inner, rms_of, speed, told
+from tests.studies.piv.scores import inner, rms_of, speed, told
 from tests.studies.piv.turbulence_field import TurbulentPlane
-from tests.studies.piv.with_peers import OURS, Pair, add, arguments, with_peers
+from tests.studies.piv.with_peers import OURS, PEER_NAMES, Pair, add, with_peers
 
 FIRST = 4201
 CASES = {
@@ -67,52 +62,27 @@ def pairs(seeds: list[int]) -> Iterator[Pair]:
             yield Pair(f"{rms}_{noise}_{seed}", tuple(images), {case: (flow, inner(SHAPE))}, runs)
 
 
-def run(seeds: list[int], keep: Path | None = None, alone: bool = False) -> tuple[dict, dict]:
-    """Errors by method and case, and gains of our own runs likewise."""
+def study() -> None:
+    """Errors beside the best peers, and what is told of our own vectors."""
+    seeds = [FIRST, FIRST + 1]
     results: dict = {}
     slopes: dict = {}
-    for pair, found in with_peers(keep, pairs(seeds), alone):
+    for pair, found in with_peers("turbulence", pairs(seeds)):
         add(results, pair, found)
         for case, (flow, _) in pair.rows.items():
             for name in pair.runs:
                 slopes.setdefault(name, {}).setdefault(case, []).append(gains(found[name], flow))
-    return results, slopes
-
-
-def tables(results: dict, slopes: dict, seeds: list[int]) -> str:
-    """Markdown: errors beside the best peers, and what is told of our own vectors."""
-    peers = [p for p in ("OpenPIV", "PIVtools") if any(m.startswith(p) for m in results)]
-    head = [OURS, PLAIN, *(f"best {p}" for p in peers), *(f"against {p}" for p in peers)]
-    lines = [
-        f"| u', noise | {' | '.join(head)} | gain of divergence, vorticity (without smoothing) |",
-        "|---" * (len(head) + 2) + "|",
-    ]
-    own = [f"| u', noise | {TOLD} vectors/s |", "|---" * 6 + "|"]
+    rows, own = [], []
     for case in CASES:
         root = {m: rms_of(results[m][case]) for m in results}
-        best = [min((root[m], m) for m in results if m.startswith(peer)) for peer in peers]
         gain = ["{:.2f}, {:.2f}".format(*np.mean(slopes[m][case], axis=0)) for m in (OURS, PLAIN)]
-        cells = [
-            f"{root[OURS]:.4f} px",
-            f"{root[PLAIN]:.4f}",
-            *(f"{e:.4f} ({m.split(' ', 1)[1]})" for e, m in best),
-        ]
-        cells += [*(f"{e / root[OURS]:.2f}×" for e, _ in best), f"{gain[0]} ({gain[1]})"]
-        lines.append(f"| {case} | {' | '.join(cells)} |")
-        own.append(f"| {case} | {told(results[OURS][case])} {speed(results[OURS][case]):,.0f} |")
-    return "\n".join([*lines, "", *own, "", f"Seeds {seeds[0]}-{seeds[-1]}; {libraries()}."])
-
-
-def main() -> None:
-    """Run, print, and write to the docs where asked."""
-    args = arguments(__doc__, seeds=2, alone=True)
-    cv2.setNumThreads(1)
-    seeds = list(range(FIRST, FIRST + args.seeds))
-    text = tables(*run(seeds, args.folder, args.alone), seeds)
-    print(text)
-    if args.docs:
-        write_study("turbulence", text)
-
-
-if __name__ == "__main__":
-    main()
+        cells = {"u', noise": case, OURS: f"{root[OURS]:.4f} px", PLAIN: f"{root[PLAIN]:.4f}"}
+        best = {p: min((root[m], m) for m in results if m.startswith(p)) for p in PEER_NAMES}
+        cells |= {f"best {p}": f"{e:.4f} ({m.split(' ', 1)[1]})" for p, (e, m) in best.items()}
+        cells |= {f"against {p}": f"{e / root[OURS]:.2f}×" for p, (e, _) in best.items()}
+        told_gain = {"gain of divergence, vorticity (without smoothing)": f"{gain[0]} ({gain[1]})"}
+        rows.append(cells | told_gain)
+        speed_of = {"vectors/s": f"{speed(results[OURS][case]):,.0f}"}
+        own.append({"u', noise": case} | told(results[OURS][case]) | speed_of)
+    tables = [pd.DataFrame(rows), pd.DataFrame(own)]
+    write_study("turbulence", tables, f"Seeds {seeds[0]}-{seeds[-1]}; {libraries()}.")

@@ -1,6 +1,7 @@
 """A vortex core that touches a moving body: vectors at the wall and the fit."""
 
 import numpy as np
+import pandas as pd
 
 from piv.correlation.pair import correlate_pair
 from piv.vortices.find import find_vortices
@@ -43,13 +44,12 @@ def circulation_error(ds, core: float) -> float:
 def told(circulations: list[float]) -> str:
     """RMS of the circulations that were found, and of how many pairs."""
     there = np.array(circulations)[np.isfinite(circulations)]
-    share = (
-        "" if there.size == len(circulations) else f" ({there.size} of {len(circulations)} found)"
-    )
-    return (f"{100 * rms(there):.1f} %" if there.size else "none") + share
+    found = f"{100 * rms(there):.1f} %" if there.size else "none"
+    all_of = there.size == len(circulations)
+    return found if all_of else f"{found} ({there.size} of {len(circulations)} found)"
 
 
-def line(core: float, first: int) -> str:
+def line(core: float, first: int) -> dict[str, str]:
     """A row of the table."""
     near, measured, exact = [], [], []
     for seed in range(first, first + PAIRS):
@@ -60,21 +60,17 @@ def line(core: float, first: int) -> str:
         u, v = vortex(core)(x, y)
         exact.append(circulation_error(ds.assign(u=(("y", "x"), u), v=(("y", "x"), v)), core))
     e = np.concatenate(near, axis=1)
-    gone = np.mean(~np.isfinite(e).all(axis=0))
-    worst = np.nanmax(np.hypot(*e))
-    cells = [told(g) for g in (measured, exact)]
-    steep = PEAK / PEAK_SWIRL / core
-    return (
-        f"| {core} px ({core / SPACING:.1f}) | {steep:.2f} px/px | {rms(e):.3f} px | "
-        f"{worst:.2f} px | {gone:.1%} | {cells[0]} | {cells[1]} |"
-    )
+    return {
+        f"core radius (spacings of {SPACING} px)": f"{core} px ({core / SPACING:.1f})",
+        "steepest": f"{PEAK / PEAK_SWIRL / core:.2f} px/px",
+        "RMS error between core and wall": f"{rms(e):.3f} px",
+        "largest": f"{np.nanmax(np.hypot(*e)):.2f} px",
+        "absent": f"{np.mean(~np.isfinite(e).all(axis=0)):.1%}",
+        "circulation of the fit": told(measured),
+        "of a fit to exact vectors": told(exact),
+    }
 
 
-def walls(first: int) -> str:
-    """Markdown table; seeds from `first`."""
-    head = (
-        f"| core radius (spacings of {SPACING} px) | steepest | RMS error between core and wall | "
-        "largest | absent | circulation of the fit "
-        "| of a fit to exact vectors |\n|---|---|---|---|---|---|---|"
-    )
-    return "\n".join([head, *(line(core, first) for core in CORES)])
+def walls(first: int) -> pd.DataFrame:
+    """A row for each core; seeds from `first`."""
+    return pd.DataFrame([line(core, first) for core in CORES])

@@ -23,6 +23,7 @@ from tests.studies.stability.solver import read_plans, result
 PLANS = [
     Path(f"cases/{name}/out/studies/stability/plan.json") for name in ("single_finger", "pinch")
 ]
+FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "all flagged")
 RUN_COLUMNS = (
@@ -37,39 +38,31 @@ IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_u
 def main() -> None:
     """Command line; exit code 1 where an ending is not allowed, 2 where runs are missing."""
     parser = argparse.ArgumentParser(prog="python -m tests.studies.stability", description=__doc__)
-    parser.add_argument("--axes", help="names with commas: only these runs, and no tables")
     parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
-    parser.add_argument("--docs", type=Path, default=Path("docs/stability"), help="of the tables")
-    args = parser.parse_args()
-    faults: list[dict[str, Any]] = []
-    code = guarded("stability", lambda: faults.extend(judge(args)))
+    part, faults = parser.parse_args().part, list[dict[str, Any]]()
+    code = guarded("stability", lambda: faults.extend(judge(part)))
     sys.exit(code or int(bool(faults)))
 
 
-def judge(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Collect the endings, evaluate the pictures, write tables and page; return the faults."""
+def judge(part: str | None) -> list[dict[str, Any]]:
+    """Collect the endings, evaluate the pictures, write tables and maps; return the faults."""
     made = {"date": datetime.now(UTC).date().isoformat()}
     made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
-    folder, ended = args.docs, list[dict[str, Any]]()
-    if args.part != "images":
-        rows = read_plans(PLANS)
-        if args.axes is not None:
-            rows = [row for row in rows if row["axis"] in args.axes.split(",")]
-        ended = [result(row) for row in rows]
+    ended = list[dict[str, Any]]()
+    if part != "images":
+        ended = [result(row) for row in read_plans(PLANS)]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
-        if args.axes is None:
-            table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
-            write_table(folder / "runs.csv", table, made)
-    if args.part != "runs" and args.axes is None:
+        table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
+        write_table(FOLDER / "runs.csv", table, made)
+    if part != "runs":
         pictures = [(case, preset) for case in images.cases() for preset in PRESETS]
         progress = tqdm(pictures, "images", unit="pair", disable=None)
         image_rows = [images.run_case(*picture) for picture in progress]
         table = pd.DataFrame(image_rows, columns=IMAGE_COLUMNS, dtype=object)
-        write_table(folder / "images.csv", table, made)
+        write_table(FOLDER / "images.csv", table, made)
         ended += image_rows
-    if args.axes is None:
-        page.write(folder)
+    page.write(FOLDER)
     faults = [row for row in ended if row["ended"] not in FINE]
     for row in faults:
         print(f"{row['axis']} = {row['value']}: {row['ended']}: {row.get('reason', '')}")
