@@ -47,18 +47,13 @@ _OF_A_KEY = ("key", "type", "unit", "default", "meaning")
 
 def formats() -> str:
     """The variables and attributes of every format."""
-    rows = [
-        (
-            f"{schema.format} {schema.version}",
-            place + v.name,
-            "attribute" if v.dims == "-" else v.dims,
-            v.units,
-            ("optional: " if v.optional else "") + v.meaning,
-        )
-        for schema in SCHEMAS
-        for place, declared in (("", schema.root), ("<group>/", schema.group))
-        for v in declared
-    ]
+    rows = []
+    for schema in SCHEMAS:
+        declared = [("", v) for v in schema.root] + [("<group>/", v) for v in schema.group]
+        for place, v in declared:
+            dims, meaning = "attribute" if v.dims == "-" else v.dims, "optional: " * v.optional
+            name = f"{schema.format} {schema.version}"
+            rows.append((name, place + v.name, dims, v.units, meaning + v.meaning))
     rows += [(file, names, "columns", "SI", "") for file, names in _TABLES.items()]
     return _csv(("format", "name", "dimensions", "unit", "meaning"), rows)
 
@@ -70,9 +65,8 @@ def scene_keys() -> str:
         for level, table in layer.levels.items():
             for name in flat(table):
                 levels[name] = ", ".join(filter(None, (levels.get(name), level)))
-    return _csv(
-        (*_OF_A_KEY, "levels"), ((*_cells(key), levels.get(key.name, "")) for key in keys())
-    )
+    rows = ((*_cells(key), levels.get(key.name, "")) for key in keys())
+    return _csv((*_OF_A_KEY, "levels"), rows)
 
 
 def dpiv_keys() -> str:

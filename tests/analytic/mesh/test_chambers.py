@@ -27,9 +27,8 @@ wedge_deg = {}
 def strip(wedge_deg: float) -> Strip:
     s, thickness = np.linspace(0, LENGTH, 71), np.full(71, HEIGHT)
     chambers = Chambers(count=8, gap=0.002, floor=0.0069, wedge_from=0.0095, wedge_deg=wedge_deg)
-    return with_chambers(
-        rounded_strip(LENGTH, thickness, s, 0.002, 0.002), chambers, LENGTH, thickness, s
-    )
+    of = rounded_strip(LENGTH, thickness, s, 0.002, 0.002)
+    return with_chambers(of, chambers, LENGTH, thickness, s)
 
 
 @pytest.mark.parametrize("wedge_deg", [0.0, 15.0])
@@ -57,12 +56,8 @@ def test_a_floor_too_thin_for_the_gaps_rounding_is_refused():
 
 def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):
     limits = "[mesh]\nmax_non_orthogonality_deg = 85.0\nusual_non_orthogonality_deg = 80.0\n"
-    scene = write_scene(
-        tmp_path / "pinch",
-        "2d",
-        "[motion]\nend_time = 0.3\n" + limits + TABLE.format(15.0),
-        parent="pinch",
-    )
+    more = "[motion]\nend_time = 0.3\n" + limits + TABLE.format(15.0)
+    scene = write_scene(tmp_path / "pinch", "2d", more, parent="pinch")
     for stage in (kinematics, mesh):
         stage.run(scene, quiet=True)
     shapes = read_kinematics(scene.out / "kinematics.h5").data["shape_outline"].values
@@ -76,7 +71,6 @@ def test_a_mesh_follows_the_gaps_until_the_tips_meet(tmp_path):
 def test_chambers_without_walls_between_their_gaps_are_refused(tmp_path):
     with pytest.raises(ValueError, match="wedge_from"):
         Chambers(count=8, gap=0.002, floor=0.010, wedge_from=0.009)
-    with pytest.raises(
-        StageError, match=r"finger\.chambers: 8 chambers, 9 mm from one to the next"
-    ):
+    words = r"finger\.chambers: 8 chambers, 9 mm from one to the next"
+    with pytest.raises(StageError, match=words):
         kinematics.kinematics_values(write_scene(tmp_path / "s", "2d", TABLE.format(40.0)))

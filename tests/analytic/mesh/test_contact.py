@@ -88,12 +88,9 @@ def test_the_gap_closes_monotonically_and_never_below_the_residual(
     if pressure >= start:
         assert (np.diff(gaps) <= 1e-15).all()
     # far from contact the law is the free one: exactly with the ramp, else to exp(-4 x)
-    far = (
-        0.036 - rate * (free(t) - start) > residual + (1 if name == "ramp" else 8) * slowing + 1e-9
-    )
-    assert law(t)[far] == pytest.approx(
-        free(t)[far], abs=1e-9 if name == "ramp" else 1e-10 * slowing / rate
-    )
+    reach, within = (1, 1e-9) if name == "ramp" else (8, 1e-10 * slowing / rate)
+    far = 0.036 - rate * (free(t) - start) > residual + reach * slowing + 1e-9
+    assert law(t)[far] == pytest.approx(free(t)[far], abs=within)
 
 
 def test_a_stroke_that_does_not_get_there_is_left_alone():
@@ -116,14 +113,12 @@ def test_the_fingers_let_go_as_they_came():
 
 def test_contact_at_the_start_and_a_way_too_short_are_refused():
     free = stroke_law(0.0, [(20e3, 0.005, 0.4)])
-    with pytest.raises(
-        StageError, match=r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"
+    for wide, words in (
+        (0.0004, r"gap of 0\.40 mm to the plane.*raise pinch\.half_distance"),
+        (0.003, r"slowing_distance = 0\.003 m is more than the finger moves.*2\.50 mm"),
     ):
-        closing_law(free, lambda p: 0.0004 - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
-    with pytest.raises(
-        StageError, match=r"slowing_distance = 0\.003 m is more than the finger moves.*2\.50 mm"
-    ):
-        closing_law(free, lambda p: 0.003 - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
+        with pytest.raises(StageError, match=words):
+            closing_law(free, lambda p, wide=wide: wide - 1e-6 * p, 0.0, 40e3, PINCH, "scene")
 
 
 def pinch_scene(folder, more="", kind="quarter"):
@@ -176,9 +171,8 @@ def test_the_fingers_stop_at_an_object_between_the_tips(tmp_path, shape):
     thing = f'[pinch.object]\nshape = "{shape}"\ndiameter = 0.03\ncentre_height = 0.185\n'
     data = kinematics_values(pinch_scene(tmp_path / "s", thing))
     outline = data["shape_outline"][-1]
-    fine = np.concatenate(
-        [outline + k / 50 * (np.roll(outline, -1, axis=0) - outline) for k in range(50)]
-    )
+    side = np.roll(outline, -1, axis=0) - outline
+    fine = np.concatenate([outline + k / 50 * side for k in range(50)])
     distance = np.hypot(fine[:, 0], fine[:, 1] - 0.185).min() - 0.015
     assert distance == pytest.approx(0.5e-3, abs=1e-7)
     assert data["shape_bend"][-1] < np.radians(60)  # sooner than at the plane, 75°

@@ -21,9 +21,8 @@ def slab(angle=0.0, at=(0.0, 0.15)):
     """Outline of a 14 x 60 mm slab turned by `angle` about its middle."""
     t = np.linspace(0, 1, 20, endpoint=False)
     corners = np.array([[-0.007, -0.03], [0.007, -0.03], [0.007, 0.03], [-0.007, 0.03]])
-    loop = np.vstack(
-        [c + t[:, None] * (np.roll(corners, -1, 0)[k] - c) for k, c in enumerate(corners)]
-    )
+    sides = zip(corners, np.roll(corners, -1, 0), strict=True)
+    loop = np.vstack([begin + t[:, None] * (end - begin) for begin, end in sides])
     c, s = np.cos(angle), np.sin(angle)
     return loop @ np.array([[c, s], [-s, c]]) + np.array(at)
 
@@ -101,9 +100,8 @@ def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does
     for measured, bend in zip(quality, bends, strict=True):
         check_quality(measured, bend, loose)
     worst = int(np.argmax(angles))
-    with pytest.raises(
-        MorphError, match=rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"
-    ):
+    words = rf"reaches .*° at {np.degrees(bends[worst]):.1f}° of bend"
+    with pytest.raises(MorphError, match=words):
         check_quality(quality[worst], bends[worst], tight)
 
 

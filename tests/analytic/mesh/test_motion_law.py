@@ -16,11 +16,8 @@ LENGTH, THICKNESS = 0.07, 0.0145
 
 
 def kinematics(bend=(-1.0, 0.0, 1.0, 2.0), tip=0.0):
-    states = add_tip(
-        circular_states(np.array([-10e3, 0, 10e3, 20e3]), np.array(bend), LENGTH, THICKNESS),
-        tip,
-        0.01,
-    )
+    pressure = np.array([-10e3, 0, 10e3, 20e3])
+    states = add_tip(circular_states(pressure, np.array(bend), LENGTH, THICKNESS), tip, 0.01)
     s = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(states.profile[1], axis=0).T))])
     return FingerShapes(states, rounded_strip(s[-1], states.thickness[1], s, 0.002, 0.002))
 
@@ -78,9 +75,8 @@ def test_the_average_of_a_history_is_that_of_its_straight_lines(tmp_path):
 def test_a_measured_history_passes_through_its_points_and_rests_outside(tmp_path):
     t = np.linspace(0, 0.4, 21)
     p = 20e3 * three_pole(t / 0.05)
-    (tmp_path / "p.csv").write_text(
-        "t,p\n" + "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True))
-    )
+    rows = "".join(f"{a},{b}\n" for a, b in zip(t, p, strict=True))
+    (tmp_path / "p.csv").write_text("t,p\n" + rows)
     law = measured_law(tmp_path / "p.csv", 0.0)
     assert law(t) == pytest.approx(p, abs=1e-9)
     assert law(np.array([-1.0, 5.0])) == pytest.approx([p[0], p[-1]])
@@ -97,11 +93,8 @@ def test_constant_curvature_is_reproduced_exactly(pressure, gamma):
     radius = LENGTH / gamma if gamma else np.inf
     arc = [LENGTH, 0] if not gamma else [radius * np.sin(gamma), radius * (1 - np.cos(gamma))]
     # origin of the actuator frame: half a thickness dorsal of the start of the profile
-    expected = (
-        np.array(arc)
-        + [0, THICKNESS / 2]
-        + THICKNESS / 2 * np.array([np.sin(gamma), -np.cos(gamma)])
-    )
+    outwards = np.array([np.sin(gamma), -np.cos(gamma)])
+    expected = np.array(arc) + [0, THICKNESS / 2] + THICKNESS / 2 * outwards
     # between states the pieces' angles are interpolated: a half-way circle is exact too
     assert middle == pytest.approx(expected, abs=1e-9)
     assert along == pytest.approx([np.cos(gamma), np.sin(gamma)], abs=1e-9)

@@ -34,11 +34,9 @@ def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
 
 
 def test_cores_that_overlap_are_no_pair():
-    rows = [
-        vortex(t, f, s * x, 0.17, s * 1e-2)
-        for t, x in ((0.1, 2.1e-3), (0.2, 1.9e-3))
-        for f, s in ((0, -1), (1, 1))
-    ]
+    rows = []
+    for time, x in ((0.1, 2.1e-3), (0.2, 1.9e-3)):
+        rows += [vortex(time, f, s * x, 0.17, s * 1e-2) for f, s in ((0, -1), (1, 1))]
     assert pairs.pair_vortices(pd.DataFrame(rows))["time"].tolist() == [0.1]  # core radius 4 mm
 
 

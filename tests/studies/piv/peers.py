@@ -56,12 +56,8 @@ class PIVtools:
         settings = yaml.safe_load(path.read_text())
         settings["processing"]["omp_threads"] = 1
         settings["images"]["shape"] = list(shape)
-        settings["instantaneous_piv"].update(
-            window_size=windows,
-            overlap=overlaps,
-            image_warp_interpolation="lanczos",
-            runs=[len(windows)],
-        )
+        windowed = {"window_size": windows, "overlap": overlaps, "runs": [len(windows)]}
+        settings["instantaneous_piv"] |= windowed | {"image_warp_interpolation": "lanczos"}
         path.write_text(yaml.safe_dump(settings))
         self.config = Config(str(path))
         self.config._detected_image_shape = tuple(shape)

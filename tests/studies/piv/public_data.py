@@ -31,9 +31,7 @@ def image(path: Path) -> np.ndarray:
     """One image; FileNotFoundError where it cannot be read."""
     out = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if out is None:
-        raise FileNotFoundError(
-            f"{path}: no image; copy the repository there as this module's docstring says"
-        )
+        raise FileNotFoundError(f"{path}: no image; copy the repository there (docstring)")
     return out
 
 
@@ -46,10 +44,8 @@ def sampled(field: np.ndarray, first: bool = False) -> Callable:
             # a particle that is here halfway was half its displacement away in the first picture
             at = (y - v / 2, x - u / 2) if first else (y, x)
             rows, columns = field.shape[0] - 1 - at[0], at[1]
-            u, v = (
-                map_coordinates(field[..., k], [rows, columns], order=1, mode="nearest")
-                for k in (0, 1)
-            )
+            near = {"order": 1, "mode": "nearest"}
+            u, v = (map_coordinates(field[..., k], [rows, columns], **near) for k in (0, 1))
         return u, v
 
     return flow
@@ -87,10 +83,8 @@ def simulated(data: Path) -> Iterator[Pair]:
         a, b = (image(path.with_name(f"{stem}_img{k}.tif")) for k in (1, 2))
         field = np.fromfile(path, "<f4", offset=12).reshape(*a.shape, 2) * np.array([1.0, -1.0])
         group = stem.split("_0")[0].split("_Re")[0].removesuffix("_hd")
-        rows = {
-            group + INSTANT * first: (sampled(field, first), inner(a.shape))
-            for first in (False, True)
-        }
+        ways, counts = (False, True), inner(a.shape)
+        rows = {group + INSTANT * first: (sampled(field, first), counts) for first in ways}
         yield Pair(f"{path.parent.name}_{stem}", (a, b), rows)
 
 

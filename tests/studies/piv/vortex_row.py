@@ -33,9 +33,8 @@ PAIRS, FIRST = 3, 4101
 def seen(plane: xr.Dataset, scale: float, spacing: float) -> tuple[float, float]:
     """Parts of the row's vortices that are found, and that are found besides, at a scale (px)."""
     settings = VortexSettings(min_circulation=0.05 * JUMP * spacing)
-    places = [
-        region.measures for region in find_regions(plane_of(plane, settings), scale, settings)
-    ]
+    regions = find_regions(plane_of(plane, settings), scale, settings)
+    places = [region.measures for region in regions]
     most = (0.5 * SHAPE[1] - SIDE) // spacing
     centres = 0.5 * SHAPE[1] + spacing * np.arange(-most, most + 1)
     at = np.array([(m.x, m.y - 0.5 * (SHAPE[0] - 1)) for m in places]).reshape(-1, 2)
@@ -48,12 +47,9 @@ def seen(plane: xr.Dataset, scale: float, spacing: float) -> tuple[float, float]
 def rows(concentration: float, spacing: float) -> list[dict[str, object]]:
     """What is seen in the vectors and in the flow itself, by smoothing length."""
     flow = vortex_row(spacing, JUMP, concentration, SHAPE)
-    planes = [
-        correlate_pair(
-            *render_pair(flow, SHAPE, seed=FIRST + k, noise=0.02, background=8.0), window=WINDOW
-        )
-        for k in range(PAIRS)
-    ]
+    seen_as = {"noise": 0.02, "background": 8.0}
+    pairs = [render_pair(flow, SHAPE, seed=FIRST + k, **seen_as) for k in range(PAIRS)]
+    planes = [correlate_pair(*pair, window=WINDOW) for pair in pairs]
     u, v = flow(*np.meshgrid(planes[0]["x"], planes[0]["y"]))
     exact = planes[0][["u", "v"]].copy(data={"u": u, "v": v})
     table: list[dict[str, object]] = []
@@ -67,7 +63,5 @@ def rows(concentration: float, spacing: float) -> list[dict[str, object]]:
 
 if __name__ == "__main__":
     table = [row for c in CONCENTRATIONS for spacing in SPACINGS for row in rows(c, spacing)]
-    write_table(
-        Path(__file__).resolve().parents[3] / "docs" / "record" / "vortex_row.csv",
-        pd.DataFrame(table).round(2),
-    )
+    record = Path(__file__).resolve().parents[3] / "docs" / "record"
+    write_table(record / "vortex_row.csv", pd.DataFrame(table).round(2))

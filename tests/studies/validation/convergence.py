@@ -6,6 +6,7 @@ squares of Eça & Hoekstra (2014, J. Comput. Phys. 262:104).
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -71,11 +72,8 @@ def least_squares(size: np.ndarray, value: np.ndarray) -> Estimate:
         terms: list[tuple[float, ...]] = [(1.0,), (2.0,)]
         if len(h) > 3 and (power is None or power <= SOUND[1]):
             terms.append((1.0, 2.0))  # super-convergence is not trusted
-        tried = [
-            (*_linear_fit(h, f, weight, powers), powers)
-            for powers in terms
-            for weight in _weights(h)
-        ]
+        ways = product(terms, _weights(h))
+        tried = [(*_linear_fit(h, f, weight, powers), powers) for powers, weight in ways]
         limit, scatter, fitted, powers = min(tried, key=lambda t: t[1])
         kind, order = "h" + " + h²" * (len(powers) == 2) if powers[0] == 1.0 else "h²", None
     distance = np.abs(f - limit)

@@ -8,6 +8,7 @@ from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.solve import forces, law_and_body, provenance, reference
 
 FIGURE_POINTS = 400
+NAMES = (("phase", "phase"), ("force", "value"))  # of the reference in curves and in its file
 
 
 def cycle_of(
@@ -73,14 +74,10 @@ def oscillating(scene: Scene) -> Result:
         Check("oscillating.periodic", "difference of the last two cycles, rms / (ρU²D)", change,
               0.01, "at most", "else the start is not over"),
     )  # fmt: skip
-    curves = {
-        "phase": phase.tolist(),
-        "force": cycle.tolist(),
-        "viscous": cycle_in(history.fx_viscous).tolist(),
-        "reference_phase": ref["force"]["phase"],
-        "reference_force": ref["force"]["value"],
-        "fit": (fit / top**2).tolist(),
-    }
+    viscous = cycle_in(history.fx_viscous)
+    shown = {"phase": phase, "force": cycle, "viscous": viscous, "fit": fit / top**2}
+    curves = {name: values.tolist() for name, values in shown.items()}
+    curves |= {f"reference_{name}": ref["force"][key] for name, key in NAMES}
     text = (
         "x = −A sin(2πt/T), Re = UD/ν = 100, KC = UT/D = 5; the last of four cycles. Force, phase"
         " and fit as in the reference, whose points were digitised from its figure."
@@ -108,13 +105,9 @@ def impulsive(scene: Scene) -> Result:
     )  # fmt: skip
     later = scaled > 0.5 * smooth
     step = max(1, later.sum() // FIGURE_POINTS)
-    curves = {
-        "time": scaled[later][::step].tolist(),
-        "drag": drag[later][::step].tolist(),
-        "friction": friction[later][::step].tolist(),
-        "reference_time": ref["time"],
-        "reference_drag": ref["value"],
-    }
+    shown = {"time": scaled, "drag": drag, "friction": friction}
+    curves = {name: values[later][::step].tolist() for name, values in shown.items()}
+    curves |= {"reference_time": ref["time"], "reference_drag": ref["value"]}
     text = (
         f"The speed rises to U over T = {smooth:g} by a smooth step (C2 is the project's rule for"
         " motions); T counts from its middle, so that the way travelled afterwards is that of the"
@@ -163,12 +156,9 @@ def accelerating(scene: Scene) -> Result:
         Check(f"accelerating.{name}", what, float(value), 0.02, "relative", why, 1.0, theory)
         for name, what, value, why in rows
     )
-    curves = {
-        "time": history.time.tolist(),
-        "force": along.tolist(),
-        "layer": layer.tolist(),
-        "mass_force": (density * np.pi * radius**2 * now).tolist(),
-    }
+    mass_force = density * np.pi * radius**2 * now
+    shown = {"time": history.time, "force": along, "layer": layer, "mass_force": mass_force}
+    curves = {name: values.tolist() for name, values in shown.items()}
     text = (
         f"U = a t after a smooth begin, over {float(path.distance[-1] / body.diameter):.2g} D,"
         " before the flow separates. From the force is taken off that of the thin layer at the"

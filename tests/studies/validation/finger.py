@@ -70,14 +70,10 @@ def _read_run(scene: Scene, window: tuple[float, float] | None = None) -> Run:
     flat, size = scene.model.kind == "2d", scene.tank.size[0] * scene.tank.water_depth
     if not flat:
         size *= scene.tank.size[2] * (0.5 if scene.model.kind == "half" else 1.0)
-    values = {
-        "dorsal": abs(vortex.dorsal),
-        "circulation": abs(vortex.circulation),
-        "x": vortex.x,
-        "y": vortex.y,
-        "peak_force": float(np.hypot(table["fx"], table["fy"]).max()),
-        "impulse": float(np.trapezoid(table["fx"], table["time"])),
-    }
+    values = {name: abs(vortex[name]) for name in ("dorsal", "circulation")}
+    values |= {"x": vortex.x, "y": vortex.y}
+    values["peak_force"] = float(np.hypot(table["fx"], table["fy"]).max())
+    values["impulse"] = float(np.trapezoid(table["fx"], table["time"]))
     cell = float((size / cells) ** (1 / 2 if flat else 1 / 3))
     return Run(scene.level, cell, scene.numerics.time_step, cells, values)
 
@@ -120,13 +116,8 @@ def checks_of(
 def curves_of(runs: list[Run], along: str) -> dict:
     """Values and estimates for the figure."""
     quantities = {
-        name: {
-            "value": [r.values[name] for r in runs],
-            "extrapolated": e.extrapolated,
-            "order": e.order,
-            "uncertainty": e.uncertainty.tolist(),
-            "kind": e.kind,
-        }
+        name: vars(e)
+        | {"value": [r.values[name] for r in runs], "uncertainty": list(e.uncertainty)}
         for name, e in series(runs, along).items()
     }
     columns = {name: [getattr(r, name) for r in runs] for name in ("level", "cells", along)}

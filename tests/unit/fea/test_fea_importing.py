@@ -165,14 +165,10 @@ def test_the_export_script_writes_what_is_imported(tmp_path, monkeypatch):
         return SimpleNamespace(frameValue=2 * share, fieldOutputs=fields)
 
     frames = [frame(0.25, 0.08, False), frame(0.5, 0.04, True), frame(1.0, 0.03, True)]
-    assembly = SimpleNamespace(
-        instances={"BAR-1": body}, nodeSets={"LOWER": SimpleNamespace(nodes=(profile,))}
-    )
-    odb = SimpleNamespace(
-        steps={"Inflate": SimpleNamespace(timePeriod=2.0, frames=frames)},
-        rootAssembly=assembly,
-        close=lambda: None,
-    )
+    sets = {"LOWER": SimpleNamespace(nodes=(profile,))}
+    assembly = SimpleNamespace(instances={"BAR-1": body}, nodeSets=sets)
+    steps = {"Inflate": SimpleNamespace(timePeriod=2.0, frames=frames)}
+    odb = SimpleNamespace(steps=steps, rootAssembly=assembly, close=lambda: None)
     access, constants = ModuleType("odbAccess"), ModuleType("abaqusConstants")
     access.openOdb = lambda path, readOnly: odb
     constants.DOUBLE_PRECISION = "double"

@@ -25,12 +25,11 @@ def write_case(folder, more):
 
 def test_import_writes_states_that_the_scene_finds(tmp_path, capsys):
     s = np.linspace(0, 0.07, 40)
-    rows = [
-        f"{p}, {a:.9f}, {r * np.sin(a / r):.9f}, {r * (1 - np.cos(a / r)):.9f}"
-        for p, r in ((-10, -0.08), (10, 0.08), (20, 0.04))
-        for a in s
-    ]
-    (tmp_path / "curves.csv").write_text("\n".join(["pressure_kpa, s, x, y", *rows]))
+    rows = ["pressure_kpa, s, x, y"]
+    for p, r in ((-10, -0.08), (10, 0.08), (20, 0.04)):
+        x, y = r * np.sin(s / r), r * (1 - np.cos(s / r))
+        rows += [f"{p}, {a:.9f}, {b:.9f}, {c:.9f}" for a, b, c in zip(s, x, y, strict=True)]
+    (tmp_path / "curves.csv").write_text("\n".join(rows))
     results = '[fea]\nengine = "import"\n[fea.results]\nfile = "curves.csv"\nthickness = 0.0165\n'
     run(write_case(tmp_path, results), False, None, 1)
     assert "warning" not in capsys.readouterr().out

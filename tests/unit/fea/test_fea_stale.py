@@ -62,10 +62,8 @@ def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
     parent = write_scene(tmp_path / "parent", more=WIDER + OWN)
     (parent.folder / "kinematics").unlink()
     shutil.copytree(ROOT / "cases" / "single_finger" / "kinematics", parent.folder / "kinematics")
-    for name, more, folder in (
-        ("child", "", "parent"),
-        ("other", "[actuator]\nwidth = 0.02\n", "other"),
-    ):
+    own = "[actuator]\nwidth = 0.02\n"
+    for name, more, folder in (("child", "", "parent"), ("other", own, "other")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "scene.toml").write_text(f'extends = "../parent"\n{more}')
         with pytest.raises(StageError, match=f"softfinger fea {tmp_path / folder}[ ,]"):

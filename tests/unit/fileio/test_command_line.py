@@ -158,14 +158,10 @@ def test_a_pipe_or_a_device_is_no_file(tmp_path, words, capsys):
 
 
 def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
-    code = (
-        "from fileio.command import guarded\n"
-        "raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
-    )
-    env = os.environ | {"PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True
-    )
+    code = "from fileio.command import guarded\n"
+    code += "raise SystemExit(guarded('mesh', lambda: print('640×512 … µm')))"
+    command, env = [sys.executable, "-c", code], os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "640?512 ? ?m\n"
 
@@ -176,13 +172,10 @@ def test_a_console_that_knows_no_such_letter_does_not_end_a_stage():
 def test_an_interrupt_during_the_imports_is_one_sentence(module, library):
     """Also within those of libraries, which make errors of their own of it."""
     process = subprocess.Popen(
-        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"],
-        cwd=ROOT,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        [sys.executable, "-m", module, "run", "cases/single_finger", "--dry-run"], cwd=ROOT,
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    )  # fmt: skip
     while process.poll() is None and library not in Path(f"/proc/{process.pid}/maps").read_text():
         pass
     process.send_signal(signal.SIGINT)
@@ -229,8 +222,6 @@ def test_workers_end_at_ctrl_c_without_a_word(tmp_path):
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path):
-    with (
-        pytest.raises(FileNotFoundError, match="make it first"),
-        exclusive(tmp_path / "none" / "a.h5"),
-    ):
+    path = tmp_path / "none" / "a.h5"
+    with pytest.raises(FileNotFoundError, match="make it first"), exclusive(path):
         pass

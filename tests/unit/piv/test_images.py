@@ -129,12 +129,7 @@ def test_photron(tmp_path, bits):
 
 def test_recording_resumes_and_keeps_finished_frames(tmp_path):
     data, path = frames(), tmp_path / "images.h5"
-    attrs = {
-        "frame_rate_hz": 500.0,
-        "scale_mm_per_px": 0.1,
-        "bits": 12,
-        "camera": {"name": "UX100"},
-    }
+    attrs = {"frame_rate_hz": 500.0, "scale_mm_per_px": 0.1, "bits": 12, "camera": {"name": "UX"}}
     with RecordingWriter(path, (40, 50), np.uint16, 5, attrs, mask=True) as writer:
         writer.write(3, data[3], data[3] > 2000)
         with pytest.raises(ValueError, match="4 of 5 frames"):
@@ -184,9 +179,8 @@ def named(folder, *names):
 @pytest.mark.parametrize("glob", ["", "*.tif"])
 def test_a_missing_frame_is_noticed(tmp_path, glob):
     named(tmp_path, *(f"f{k:03d}.tif" for k in (1, 2, 4, 5, 6)))
-    with pytest.raises(
-        ValueError, match=r"f002\.tif: a frame is missing between it and f004\.tif"
-    ) as error:
+    words = r"f002\.tif: a frame is missing between it and f004\.tif"
+    with pytest.raises(ValueError, match=words) as error:
         open_recording(str(tmp_path / glob))
     assert one_sentence(error)
 

@@ -92,9 +92,8 @@ def test_recording_becomes_si_with_mask_and_finger(recording_file, tmp_path):
         np.testing.assert_allclose(plane["time"], [0.001, 0.003, 0.005])
         assert plane["x"].values[0] == pytest.approx((3.5 - 10) * 1e-4)
         assert plane["y"].values[0] == pytest.approx((3.5 + 5) * 1e-4)
-        body = plane.isel(time=0).sel(
-            x=slice((110 - 10) * 1e-4, None), y=slice((70 + 5) * 1e-4, None)
-        )
+        corner = {"x": slice((110 - 10) * 1e-4, None), "y": slice((70 + 5) * 1e-4, None)}
+        body = plane.isel(time=0).sel(corner)
         assert (body["flag"] == 2).all()
         np.testing.assert_allclose(plane["tip"][:, 0, 0], [1, 3, 5])  # the mean of both frames
         assert json.loads(plane.attrs["settings"])["window"] == 32
@@ -177,11 +176,8 @@ def test_bad_flags_end_with_one_sentence(folder, tmp_path, capsys, flag):
 
 
 def test_ensemble_and_multi_frame_and_couples(folder, tmp_path, capsys):
-    for name, extra, count in (
-        ("e", ["--ensemble"], 1),
-        ("m", ["--frames", "3"], 4),
-        ("c", ["--pairing", "1-2,3-4"], 3),
-    ):
+    ways = {"e": ("--ensemble",), "m": ("--frames", "3"), "c": ("--pairing", "1-2,3-4")}
+    for (name, extra), count in zip(ways.items(), (1, 4, 3), strict=True):
         out = tmp_path / f"{name}.h5"
         made("correlate", folder, "-o", out, *extra)
         with read_plane(out) as plane:

@@ -9,11 +9,8 @@ import pytest
 
 from tests.conftest import ROOT
 
-LOCKS = {
-    "requirements": "requirements.lock",
-    "study": "requirements-study.lock",
-    "docs": "requirements-docs.lock",
-}
+LOCKS = {"requirements": "requirements.lock"}
+LOCKS |= {name: f"requirements-{name}.lock" for name in ("study", "docs")}
 # go with GPL-3.0-or-later; the FSF's list of licences
 GOOD = {"0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "MIT", "MIT-CMU"} | {
     *("GPL-2.0-or-later", "GPL-3.0-or-later", "LGPL-2.1-or-later", "LLVM-exception", "MPL-2.0"),
@@ -23,10 +20,8 @@ GOOD = {"0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "MIT", 
 
 def table():
     with (ROOT / "docs" / "reference" / "licences.csv").open() as file:
-        return {
-            row["package"]: (row["licence"], row["lock"].split(" and "))
-            for row in csv.DictReader(file)
-        }
+        rows = list(csv.DictReader(file))
+    return {row["package"]: (row["licence"], row["lock"].split(" and ")) for row in rows}
 
 
 def test_every_locked_package_has_a_row_and_no_other():

@@ -211,14 +211,9 @@ def test_figure_and_results_that_can_be_chosen_from(tmp_path):
 
 def test_the_finest_finished_run_is_the_reference(tmp_path):
     rows = []
-    for name, cells, steps, until in (
-        ("draft", 10, 400, "vortices_cfd"),
-        ("fine", 90, 400, "vortices_cfd"),
-        ("fine_dt", 90, 800, "vortices_cfd"),
-        ("gone", 200, 400, "vortices_cfd"),
-        ("piv", 10, 400, "vortices"),
-    ):
-        out = tmp_path / name
+    sizes = {"draft": (10, 400), "fine": (90, 400), "fine_dt": (90, 800), "gone": (200, 400)}
+    for name, (cells, steps) in (sizes | {"piv": (10, 400)}).items():
+        out, until = tmp_path / name, "vortices" if name == "piv" else "vortices_cfd"
         row = {"run": name, "folder": "cases/single_finger", "level": "draft", "until": until}
         rows.append(row | {"overrides": {}, "out": str(out)})
         RUN.write(out / "run" / "run.json", {"cells": cells, "steps": steps})
