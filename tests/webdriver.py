@@ -16,17 +16,12 @@ CHROMIUM = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 )
 CHROMEDRIVER = shutil.which("chromedriver")
+# a container's /dev/shm is too small for pages with a film
 FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",  # a container's /dev/shm is too small for pages with a film
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
+    "--headless", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--disable-quic",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync",
-]
+]  # fmt: skip
 OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
 AXE = Path(__file__).parent / "axe" / "axe.min.js"
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # key of an element in W3C WebDriver
@@ -40,19 +35,12 @@ class Browser:
             free.bind(("127.0.0.1", 0))
             port = free.getsockname()[1]
         self.base = f"http://127.0.0.1:{port}"
-        self.process = subprocess.Popen(
-            [str(CHROMEDRIVER), f"--port={port}"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        options = {
-            "binary": CHROMIUM,
-            "args": [*FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}"],
-        }
-        wanted = {
-            "goog:chromeOptions": options,
-            "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"},
-        }
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self.process = subprocess.Popen([str(CHROMEDRIVER), f"--port={port}"], **silent)
+        flags = [*FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}"]
+        logs = {"browser": "ALL", "performance": "ALL"}
+        options = {"binary": CHROMIUM, "args": flags}
+        wanted = {"goog:chromeOptions": options, "goog:loggingPrefs": logs}
         self._await_driver()
         answer = self._call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
         self.session = f"/session/{answer['sessionId']}"
@@ -121,9 +109,8 @@ class Browser:
             time.sleep(0.05)
 
     def element(self, css: str) -> str:
-        answer = self._call(
-            "POST", f"{self.session}/element", {"using": "css selector", "value": css}
-        )
+        wanted = {"using": "css selector", "value": css}
+        answer = self._call("POST", f"{self.session}/element", wanted)
         return f"{self.session}/element/{answer[ELEMENT]}"
 
     def keys(self, css: str, text: str) -> None:
@@ -136,9 +123,8 @@ class Browser:
         return self._call("POST", f"{self.session}/se/log", {"type": kind})
 
     def devtools(self, command: str, **parameters) -> dict:
-        return self._call(
-            "POST", f"{self.session}/goog/cdp/execute", {"cmd": command, "params": parameters}
-        )
+        wanted = {"cmd": command, "params": parameters}
+        return self._call("POST", f"{self.session}/goog/cdp/execute", wanted)
 
     def screenshot(self, path: Path) -> None:
         path.write_bytes(base64.b64decode(self._call("GET", f"{self.session}/screenshot")))

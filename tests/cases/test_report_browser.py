@@ -19,10 +19,8 @@ from tests.unit.lab.test_lab_wording import quantity
 from tests.unit.lab.test_lab_wording import result as lab_result
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, OPEN, Browser
 
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and CHROMEDRIVER),
-    reason="needs chromium and chromedriver (apt: chromium chromium-driver)",
-)
+needs = "needs chromium and chromedriver (apt: chromium chromium-driver)"
+pytestmark = pytest.mark.skipif(not (CHROMIUM and CHROMEDRIVER), reason=needs)
 HOME, RIGHT, END = "\ue011", "\ue014", "\ue010"  # WebDriver's key codes
 FRAMES = 7
 FILM_HZ = 10.0
@@ -71,10 +69,9 @@ def judged():
         "final_bend": ("model error", "rad"), "circulation": ("agrees", "m²/s"),
         "radius": ("too uncertain", "m"), "velocity_field": ("agrees", "m/s"),
     }  # fmt: skip
-    quantities = [
-        quantity(name, -2.3e-3, 3e-4, verdict, unit=unit) | numbers
-        for name, (verdict, unit) in verdicts.items()
-    ]
+    quantities = []
+    for name, (verdict, unit) in verdicts.items():
+        quantities.append(quantity(name, -2.3e-3, 3e-4, verdict, unit=unit) | numbers)
     names = "scale_mm_per_px scale_std_percent turn_deg turn_std_deg delay_ms delay_std_ms"
     registration = dict.fromkeys(names.split(), 0.1)
     registration |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
@@ -164,12 +161,10 @@ def test_without_scripts_the_page_is_whole_and_offers_no_dead_control(browser, p
     try:
         browser.open(page)
         style = "getComputedStyle(document.querySelector('{}')).display"
-        shown = {
-            css: browser.devtools(
-                "Runtime.evaluate", expression=style.format(css), returnByValue=True
-            )["result"]["value"]
-            for css in (".controls", "#switch", "#frame")
-        }
+        shown = {}
+        for css in (".controls", "#switch", "#frame"):
+            asked = {"expression": style.format(css), "returnByValue": True}
+            shown[css] = browser.devtools("Runtime.evaluate", **asked)["result"]["value"]
     finally:
         browser.devtools("Emulation.setScriptExecutionDisabled", value=False)
     assert shown == {".controls": "none", "#switch": "none", "#frame": "block"}

@@ -205,10 +205,8 @@ def test_a_stopped_run_of_half_the_tank_samples_the_same_sheet(tmp_path, stop_at
     stop_at(stopped, 0.016)
     run_stage.run(stopped, quiet=True)
     assert bool(record(stopped)["resumed"]) == RESUMES
-    straight, resumed = (
-        {path.parent.name: path.read_bytes() for path in one.out.glob("case/**/sheet.vtk")}
-        for one in (scene, stopped)
-    )
+    sheets = (one.out.glob("case/**/sheet.vtk") for one in (scene, stopped))
+    straight, resumed = ({path.parent.name: path.read_bytes() for path in of} for of in sheets)
     assert straight
     assert straight.keys() == resumed.keys()
     assert [time for time in straight if straight[time] != resumed[time]] == []

@@ -74,9 +74,8 @@ def test_the_closing_maps_are_what_they_say(shape):
 def test_the_gap_closes_monotonically_and_never_below_the_residual(
     residual, slowing, rate, pressure, start, name
 ):
-    pinch = Pinch(
-        half_distance=0.045, residual_gap=residual, slowing_distance=slowing, closing_law=name
-    )
+    own = {"residual_gap": residual, "slowing_distance": slowing, "closing_law": name}
+    pinch = Pinch(half_distance=0.045, **own)
     free, law = closed(pressure, pinch, rate, start)
     t = np.linspace(0, 0.6, 601)
     gaps = 0.036 - rate * (law(t) - start)
@@ -136,9 +135,8 @@ def test_the_fingers_of_the_scene_meet_at_the_residual_gap(tmp_path):
     # mirrored in x = 0 the two fingers are apart by twice the gap at every instant
     look = np.linspace(0, data["time"][-1], 101)
     left = np.array([motion.outline(p) for p in motion.law(look)])
-    assert -left[..., 0].max(axis=1) == pytest.approx(
-        np.interp(look, data["time"], data["gap"]), abs=5e-8
-    )
+    gaps = np.interp(look, data["time"], data["gap"])
+    assert -left[..., 0].max(axis=1) == pytest.approx(gaps, abs=5e-8)
     # the start lies in the root's own corner: 0.3 µm of rounding
     assert (np.diff(data["gap"]) <= 1e-7).all()
     assert data["free_pressure"][-1] == pytest.approx(20e3, rel=1e-3)  # the chambers go on

@@ -180,9 +180,8 @@ def test_two_points_and_bad_scales():
 
 def test_real_charuco_recording():
     folder = shared("pivlab_distortion")
-    views = [
-        cv2.imread(str(folder / "Board_aligned_with_sheet_and_aquarium.jpg"), cv2.IMREAD_GRAYSCALE)
-    ]
+    aligned = folder / "Board_aligned_with_sheet_and_aquarium.jpg"
+    views = [cv2.imread(str(aligned), cv2.IMREAD_GRAYSCALE)]
     with open_recording(str(folder / "Boards_moving*.jpg"), colour="luma") as others:
         views += list(others)
     target = Target(8, 11, 0.008, 0.006)  # as Information.txt says
@@ -193,9 +192,8 @@ def test_real_charuco_recording():
     # The 8 mm squares of the board in the sheet, which fixed the plane but not the lens, are 8 mm
     # everywhere.
     corners, places = find_corners(views[0], target)
-    here = calibration.to_m(
-        np.column_stack([corners[:, 0], row_to_y_px(corners[:, 1], views[0].shape[0])])
-    )
+    y = row_to_y_px(corners[:, 1], views[0].shape[0])
+    here = calibration.to_m(np.column_stack([corners[:, 0], y]))
     apart, true = (np.linalg.norm(a[:, None] - a, axis=-1) for a in (here, places))
     side = np.isclose(true, 0.008)
     assert apart[side].mean() == pytest.approx(0.008, rel=5e-3)

@@ -229,14 +229,9 @@ def test_painted_areas_hold_no_vector(window):
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
     painted = np.hypot(row - 160, column - 150) < 90
     painted |= np.abs(column - 320) < 15  # a band of the width of a window
-    images = [
-        np.where(painted, 0, i).astype(i.dtype)
-        for i in render(flow, shape=SHAPE, seed=61, noise=0.05)
-    ]
-    ds = correlate_pair(*images, window=window)
-    at = np.ix_(
-        np.rint(SHAPE[0] - 1 - ds["y"].values).astype(int), np.rint(ds["x"].values).astype(int)
-    )
+    images = render(flow, shape=SHAPE, seed=61, noise=0.05)
+    ds = correlate_pair(*(np.where(painted, 0, i).astype(i.dtype) for i in images), window=window)
+    at = np.ix_(*(np.rint(p.values).astype(int) for p in (SHAPE[0] - 1 - ds["y"], ds["x"])))
     valid = ds["valid"].values > 0
     error = np.hypot(ds["u"].values - 3.2, ds["v"].values + 1.7)
     # asked: 0.1 % of the area; a third of it was valid and wrong, dragged along by the disc's own
@@ -251,9 +246,8 @@ def test_painted_areas_hold_no_vector(window):
 def test_bias_of_particles_below_two_pixels_is_small_and_covered(diameter, most):
     biases, covered = [], []
     for part in (0.2, 0.4, 0.75):
-        ds = correlate_pair(
-            *render(shift(2 + part, -1 + part), shape=SHAPE, seed=74, diameter=diameter)
-        )
+        flow = shift(2 + part, -1 + part)
+        ds = correlate_pair(*render(flow, shape=SHAPE, seed=74, diameter=diameter))
         error = np.stack([ds["u"] - 2 - part, ds["v"] + 1 - part])
         biases += list(np.nanmean(error, axis=(1, 2)))
         covered.append(np.abs(error) < np.stack([ds["u_std"], ds["v_std"]]))

@@ -41,9 +41,8 @@ def rotating(n_times: int = 7, body: bool = False, dwdz: float = 0.0) -> xr.Data
     if body:
         corners = np.array([[-0.01, 0.0195], [0.0085, 0.0195], [0.0085, 0.05], [-0.01, 0.05]])
         more["outline"] = np.tile(corners, (n_times, 1, 1, 1))
-    return make_plane(
-        x, y, np.tile(u, (n_times, 1, 1)), np.tile(v, (n_times, 1, 1)), time=time, **more
-    )
+    u, v = (np.tile(f, (n_times, 1, 1)) for f in (u, v))
+    return make_plane(x, y, u, v, time=time, **more)
 
 
 def test_pixel_values_are_the_exact_integral_of_the_gaussian():
@@ -147,14 +146,11 @@ def test_density_stays_uniform_while_particles_enter_and_leave():
     n = last.shape[1]
     box = recorder.box
     expected = 0.3 / (SMALL.pixel**2 * 1.5e-3) * box.volume()
-    # Poisson: four standard deviations
-    assert abs(n - expected) < 4 * np.sqrt(expected)
-    counts, _, _ = np.histogram2d(
-        last[0], last[1], bins=4, range=[[box.x0, box.x1], [box.y0, box.y1]]
-    )
-    assert (
-        np.abs(counts - n / 16) < 4.5 * np.sqrt(n / 16)
-    ).all()  # corners, which fresh particles feed, and middle
+    assert abs(n - expected) < 4 * np.sqrt(expected)  # Poisson: four standard deviations
+    extent = [[box.x0, box.x1], [box.y0, box.y1]]
+    counts, _, _ = np.histogram2d(last[0], last[1], bins=4, range=extent)
+    # corners, which fresh particles feed, and middle
+    assert (np.abs(counts - n / 16) < 4.5 * np.sqrt(n / 16)).all()
     assert abs(np.mean(last[2])) < 4 * box.half_width / np.sqrt(3 * n)
 
 
@@ -245,10 +241,8 @@ def test_pairs_are_the_same_pictures_as_of_the_whole_recording(tmp_path, every, 
     with h5py.File(whole) as all_, h5py.File(paired) as some:
         np.testing.assert_array_equal(some["frames"][:], all_["frames"][kept])
         np.testing.assert_allclose(some["time"][:], all_["time"][kept])
-    with (
-        read_plane(tmp_path / "whole_truth.h5") as all_,
-        read_plane(tmp_path / "pairs_truth.h5") as some,
-    ):
+    truths = (tmp_path / f"{name}_truth.h5" for name in ("whole", "pairs"))
+    with read_plane(next(truths)) as all_, read_plane(next(truths)) as some:
         first = kept[::2] if every > 1 else range(6)
         np.testing.assert_array_equal(some["u"], all_["u"].isel(time=list(first)))
         assert some["time"].values == pytest.approx([(i + 0.5) / 500 for i in first])
@@ -264,11 +258,9 @@ def test_particles_not_carried_would_not_have_come_into_the_picture():
     plane = rotating()
     xx = plane["x"].values + 0 * plane["y"].values[:, None]
     jet = np.exp(-(((xx - 0.02) / 0.004) ** 2))
-    series = make_plane(
-        plane["x"].values, plane["y"].values,
-        np.zeros((7, *xx.shape)), np.tile(-jet, (7, 1, 1)), time=plane["time"].values,
-        w=np.tile(0.05 * jet, (7, 1, 1)), dwdz=np.tile(-100 * jet, (7, 1, 1)),
-    )  # fmt: skip
+    own = {"u": 0.0, "v": -1.0, "w": 0.05, "dwdz": -100.0}
+    own = {name: np.tile(factor * jet, (7, 1, 1)) for name, factor in own.items()}
+    series = make_plane(plane["x"].values, plane["y"].values, time=plane["time"].values, **own)
     field, box = PlaneField(series), Box(0.005, 0.035, 0.008, 0.025, 1e-3)
     start, end = series["time"].values[2:4]
     most = motion(field, start, end, box.half_width)

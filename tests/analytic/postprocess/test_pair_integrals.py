@@ -17,9 +17,7 @@ def plane(*vortices, spacing=0.0005, tips=TIPS):
     x, y = np.arange(-0.08, 0.08 + 1e-9, spacing), np.arange(0.11, 0.25, spacing)
     gx, gy = np.meshgrid(x, y)
     u, v = np.zeros_like(gx), np.zeros_like(gx)
-    for x0, y0, circulation, core in [
-        w for a, b, g, r in vortices for w in ((a, b, g, r), (-a, b, -g, r))
-    ]:
+    for x0, y0, circulation, core in (*vortices, *((-a, b, -g, r) for a, b, g, r in vortices)):
         dx, dy = gx - x0, gy - y0
         r2 = np.maximum(dx**2 + dy**2, 1e-16)
         swirl = circulation / (2 * np.pi * r2) * -np.expm1(-r2 / core**2)
@@ -46,10 +44,8 @@ def found(*vortices):
 
 def test_both_pairs_are_told_apart_and_measured():
     table = found(DORSAL, VENTRAL)
-    for (side, flow), (x, y, circulation, core) in (
-        (integrals.DORSAL, DORSAL),
-        (integrals.VENTRAL, VENTRAL),
-    ):
+    pairs = {integrals.DORSAL: DORSAL, integrals.VENTRAL: VENTRAL}
+    for (side, flow), (x, y, circulation, core) in pairs.items():
         for finger, sign in ((0, 1), (1, -1)):
             row = integrals.vortex_of(table, side, flow, finger).iloc[0]
             # within half a tip's width of a lone vortex; the other's strain takes some off
@@ -88,6 +84,5 @@ def test_a_pair_has_formed_when_it_lasts():
 def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
     """To and fro until 0.035 s, as layers along the walls do, and in place from then on."""
     to_and_fro = np.where(TIMES < 0.038, jump * WIDTH * (np.arange(TIMES.size) % 2), jump * WIDTH)
-    assert integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH) == pytest.approx(
-        forms
-    )
+    found_at = integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH)
+    assert found_at == pytest.approx(forms)

@@ -38,11 +38,9 @@ def cases() -> list[ImageCase]:
         "noise (of full scale)": ("noise", (0.0, 0.05, 0.15, 0.4)),
         "diameter (px)": ("diameter_px", (0.5, 1.0, 2.5, 6.0, 15.0)),
     }
-    pictures = [
-        ImageCase(axis, f"{value:g}", render={key: value})
-        for axis, (key, values) in axes.items()
-        for value in values
-    ]
+    pictures = []
+    for axis, (key, values) in axes.items():
+        pictures += [ImageCase(axis, f"{value:g}", render={key: value}) for value in values]
     pictures += [
         ImageCase("displacement (px)", f"{value:g}", value, min(2.0, value / 2))
         for value in (0.1, 0.5, 2, 8, 12, 16, 20, 30)

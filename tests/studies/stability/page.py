@@ -66,11 +66,8 @@ def tiles(lines: list[Line], width: int, path: Path, **words: str) -> None:
     axes.set(xlim=(-2.4, width), ylim=(len(rows) - 0.4, -0.6))
     axes.axis("off")
     seen = {ended for _, values in lines for _, ended in values}
-    handles = [
-        Patch(color=colour, label=words.get(key, text))
-        for key, (colour, text) in ENDINGS.items()
-        if key in seen
-    ]
+    known = [(key, *ENDINGS[key]) for key in ENDINGS if key in seen]
+    handles = [Patch(color=colour, label=words.get(key, text)) for key, colour, text in known]
     below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncol": 4}
     axes.legend(handles=handles, **below, frameon=False, fontsize=8)
     with whole(path, suffix=True) as part:
@@ -96,10 +93,8 @@ def by_axis(rows: pd.DataFrame) -> list[Line]:
 def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
     """The faults by kind: on how many stages, how often, and how they ended."""
     ends = ["times", "completed", "refused", "recomputed", "wrong"]
-    kind = rows["fault"].replace(
-        {r"damaged .*": "input damaged", r".* of another .*": "input of another scene or level"},
-        regex=True,
-    )
+    kinds = {"damaged .*": "input damaged", ".* of another .*": "input of another scene or level"}
+    kind = rows["fault"].replace(kinds, regex=True)
     rows = rows[["stage"]].assign(fault=kind).join(rows[ends].astype(int))
     return rows.groupby("fault", sort=False).agg({"stage": "nunique"} | dict.fromkeys(ends, "sum"))
 
@@ -116,16 +111,13 @@ def write(folder: Path) -> None:
         for name, values in by_axis(of)
     ]
     tiles(sorted(lines, key=lambda line: line[0]), 8, folder / "images.svg", **OF_IMAGES)
-    endings = {
-        "ending": [text for _, text in ENDINGS.values()],
-        "runs": [(runs["ended"] == ending).sum() for ending in ENDINGS],
-        "images": [(images["ended"] == ending).sum() for ending in ENDINGS],
-    }
-    write_table(folder / "endings.csv", pd.DataFrame(endings))
+    endings = pd.DataFrame({"ending": [text for _, text in ENDINGS.values()]})
+    for name, of in (("runs", runs), ("images", images)):
+        endings[name] = [(of["ended"] == ending).sum() for ending in ENDINGS]
+    write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())
-    drawn = scenes.astype({"count": int}).pivot_table(
-        "count", "scenes", "outcome", "sum", fill_value=0
-    )
+    counts = scenes.astype({"count": int})
+    drawn = counts.pivot_table("count", "scenes", "outcome", "sum", fill_value=0)
     write_table(folder / "scene_outcomes.csv", drawn.reset_index())
 
 

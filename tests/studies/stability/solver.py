@@ -57,21 +57,16 @@ def motion_numbers(scene: Scene) -> dict[str, Any]:
     times, bend = kinematics.law.x, np.degrees(kinematics.data["shape_bend"].values)
     path = CubicSpline(times, kinematics.splines["tip"](kinematics.law(times)))
     speed, acceleration = (float(np.hypot(*path(times, order).T).max()) for order in (1, 2))
-    return {
-        "bend_deg": round(float(bend[np.abs(bend).argmax()]), 1),
-        "tip_speed": round(speed, 4),
-        "tip_acceleration": round(acceleration, 3),
-    }
+    numbers = {"tip_speed": round(speed, 4), "tip_acceleration": round(acceleration, 3)}
+    return {"bend_deg": round(float(bend[np.abs(bend).argmax()]), 1)} | numbers
 
 
 def judged(scene: Scene) -> dict[str, Any]:
     """Numbers of a completed run, and whether they are possible."""
     folder = scene.out / "run"
     record = json.loads((folder / "run.json").read_text())
-    force, power = (
-        np.loadtxt(folder / name, delimiter=",", skiprows=1, ndmin=2)
-        for name in ("forces.csv", "power.csv")
-    )
+    files = (folder / name for name in ("forces.csv", "power.csv"))
+    force, power = (np.loadtxt(f, delimiter=",", skiprows=1, ndmin=2) for f in files)
     balance, motion = record["power_balance"], motion_numbers(scene)
     peak = float(np.hypot(force[:, 1], force[:, 2]).max())
     finger, fluid = scene.finger, scene.fluid

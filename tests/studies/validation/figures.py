@@ -92,12 +92,9 @@ def deforming(curves: Curves, path: Path) -> None:
     shared, corrected = curves["size"][: len(curves["corrected"])], curves["corrected"]
     axes[0].loglog(shared, corrected, "s--", color=GREY, ms=4, lw=1, label="skew-corrected")
     step = np.array(curves["step"])
-    for name, colour, words in (
-        ("iterated", CFD, "iterated"),
-        ("twice", GREY, "two outer correctors"),
-        ("once", THIRD, "one outer corrector"),
-    ):
-        axes[1].loglog(step, curves[name], "o-", color=colour, label=words)
+    axes[1].loglog(step, curves["iterated"], "o-", color=CFD, label="iterated")
+    axes[1].loglog(step, curves["twice"], "o-", color=GREY, label="two outer correctors")
+    axes[1].loglog(step, curves["once"], "o-", color=THIRD, label="one outer corrector")
     for name, slope in (("iterated", 2), ("once", 1)):
         slope_line(axes[1], step, curves[name][-1], slope)
     axes[1].set(xlabel="time step (s)")

@@ -199,12 +199,9 @@ def three_dimensional(folder: Path) -> Result | None:
     scenes, window = family
     runs = [_read_run(scene, window) for scene in scenes]
     levels = [r.level for r in runs]
-    checks = [
-        check
-        for level, part in JUDGED.items()
-        if level in levels
-        for check in checks_of(runs, "cell", level, f"finger.{level}", "(grid)", part)
-    ]
+    checks = []
+    for level in [known for known in JUDGED if known in levels]:
+        checks += checks_of(runs, "cell", level, f"finger.{level}", "(grid)", JUDGED[level])
     text = (
         f"{folder.name} at its levels {', '.join(levels)}: a family of grids whose sizes all"
         f" shrink by 2/3, all at {1e3 * runs[0].time_step:g} ms and to"

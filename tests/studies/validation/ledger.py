@@ -23,12 +23,8 @@ def _flow(result: dict[str, Any]) -> dict[str, str]:
     checks = result["checks"]
     met = sum(check["met"] for check in checks)
     sources = sorted({check["source"] for check in checks if check["source"]})
-    return {
-        "flow": result["title"],
-        "checks met": f"{met} of {len(checks)}",
-        "measured": result["date"],
-        "reference": "; ".join(sources),
-    }
+    score = {"flow": result["title"], "checks met": f"{met} of {len(checks)}"}
+    return score | {"measured": result["date"], "reference": "; ".join(sources)}
 
 
 def _unit(check: dict[str, Any]) -> str:

@@ -141,21 +141,15 @@ def measure(scene: Scene) -> Result:
             ("centroid", "the distance of the shed vorticity's centroid", centroid, distance),
         )
     )  # fmt: skip
-    curves = {
-        "time": time.tolist(),
-        "way": [r.way / chord for r in rows],
-        "from": first,
-        "to": last,
-        "circulation": (gamma / (law.rate * last**m * chord)).tolist(),
-        "core": (core / chord).tolist(),
-        "centroid": (centroid / chord).tolist(),
-        "wanted": wanted,
-    }
+    curves = {"time": time, "way": np.array([r.way for r in rows]) / chord}
+    curves |= {"circulation": gamma / (law.rate * last**m * chord)}
+    curves |= {"core": core / chord, "centroid": centroid / chord}
+    curves = {name: value.tolist() for name, value in curves.items()}
+    curves |= {"from": first, "to": last, "wanted": wanted}
     half = np.sqrt(first * last)
-    local = [
-        f"{_exponent(time, gamma, *part):.2f}, {_exponent(time, core, *part):.2f}"
-        for part in ((first, half), (half, last))
-    ]
+    local = []
+    for part in ((first, half), (half, last)):
+        local.append(f"{_exponent(time, gamma, *part):.2f}, {_exponent(time, core, *part):.2f}")
     begin = int(np.argmax(time >= first))
     layer = float(np.sqrt(scene.fluid.kinematic_viscosity * time[begin]) / core[begin])
     remarks = (

@@ -55,10 +55,8 @@ def write_vtu(folder):
 
 def write_pvd(folder):
     write_vtu(folder)
-    sets = "".join(
-        f'<DataSet timestep="{p}" part="0" file="state_{k}.vtu"/>'
-        for k, p in enumerate(PRESSURES_KPA)
-    )
+    line = '<DataSet timestep="{}" part="0" file="state_{}.vtu"/>'
+    sets = "".join(line.format(p, k) for k, p in enumerate(PRESSURES_KPA))
     kind = 'type="Collection" version="0.1"'
     text = f'<?xml version="1.0"?><VTKFile {kind}><Collection>{sets}</Collection></VTKFile>'
     (folder / "bar.pvd").write_text(text)

@@ -83,9 +83,8 @@ def test_an_area_gives_the_circulation_round_it_and_its_uncertainty(folder):
     for _ in range(200):
         white = rng.normal(size=(2, *plane["u"].shape))
         noise = gaussian_filter(white, (0, *[window / np.sqrt(8)] * 2), mode="wrap")
-        other = plane.assign(
-            {n: plane[n] + 0.02 * e / e.std() for n, e in zip("uv", noise, strict=True)}
-        )
+        errors = dict(zip("uv", noise, strict=True))
+        other = plane.assign({n: plane[n] + 0.02 * e / e.std() for n, e in errors.items()})
         drawn.append(answers.inside(other, AROUND)["circulation"])
     # 200 draws know a standard deviation to 5 %; at the corners errors are not independent
     assert found["circulation_std"] == pytest.approx(np.std(drawn), rel=0.2)
@@ -139,9 +138,8 @@ def test_a_try_of_a_set_of_frames_is_of_a_pair_and_says_so(folder, tmp_path):
 
 def test_what_is_drawn_is_read_by_correlate(folder, tmp_path):
     path = tmp_path / "r.json"
-    said = write_regions(
-        path, "px", {0: [SQUARE], 3: [[[x + 30, y] for x, y in SQUARE]]}, (0.0, 0.0, 99.0, 90.0)
-    )
+    kept = {0: [SQUARE], 3: [[[x + 30, y] for x, y in SQUARE]]}
+    said = write_regions(path, "px", kept, (0.0, 0.0, 99.0, 90.0))
     assert "1 polygon at 2 frames, a region" in said
     with open_recording(sorted((folder / "run").iterdir())[:4]) as recording:
         part = part_of_recording(recording, path)
@@ -228,9 +226,8 @@ def test_the_page_shows_and_asks_nobody_else(page, address):
     wrong = [e for e in page.log("browser") if e["level"] == "SEVERE"]
     assert wrong == []
     events = [json.loads(e["message"])["message"] for e in page.log("performance")]
-    asked = [
-        e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"
-    ]
+    sent = [e["params"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    asked = [params["request"]["url"] for params in sent]
     assert any(url.endswith("/field") for url in asked)
     assert [u for u in asked if not u.startswith((address, "data:", "blob:", "chrome"))] == []
 
@@ -243,7 +240,6 @@ def test_measures_of_an_area_and_a_line_and_limits(page):
     tool(page, "line")
     drag(page, (20, 48), (108, 48))
     until(page, "linetext", "piv profile")
-    box = page.run("const b = $('scatter').getBoundingClientRect(); return [b.x, b.y]")
     page.run("$('scatter').scrollIntoView()")
     box = page.run("const b = $('scatter').getBoundingClientRect(); return [b.x, b.y, b.width]")
     mouse(page, "Pressed", box[0] + box[2] / 2, box[1] + 10)

@@ -63,13 +63,10 @@ def test_no_mark_in_a_hole_of_the_vectors():
     hole = (float(plane["x"][42]), float(plane["y"][12]))
     water = (float(plane["x"][50]), float(plane["y"][12]))
     row = {"time": [0.0, 0.1], "radius": 0.01, "circulation": 1e-3}
-    tracks = [
-        pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in enumerate((hole, water))
-    ]
-    drawn = [
-        flow_figure({"cfd": plane}, {"cfd": shown}, 0.1, 1.0, (-0.3, 0.3, 0.0, 0.3))(0.1)
-        for shown in ([], tracks[:1], tracks)
-    ]
+    places, view = enumerate((hole, water)), (-0.3, 0.3, 0.0, 0.3)
+    tracks = [pd.DataFrame(row | {"track": k, "x": x, "y": y}) for k, (x, y) in places]
+    shown = ({"cfd": tracks[:count]} for count in range(3))
+    drawn = [flow_figure({"cfd": plane}, each, 0.1, 1.0, view)(0.1) for each in shown]
     assert (drawn[0] == drawn[1]).all()
     assert (drawn[1] != drawn[2]).any()
 

@@ -19,9 +19,8 @@ def passing_square(upward):
     body = np.stack([inside(o[0], X, Y) for o in outline])
     behind = np.cumsum(body, axis=0) > 0
     v = np.where(behind, upward, -1.0)
-    return make_plane(
-        X, Y, 0 * v, np.where(body, np.nan, v), time=TIME, valid=~body, outline=outline
-    )
+    v = np.where(body, np.nan, v)
+    return make_plane(X, Y, 0 * v, v, time=TIME, valid=~body, outline=outline)
 
 
 @pytest.mark.parametrize("upward", [0.3, -0.2])

@@ -153,10 +153,8 @@ def test_an_edited_case_is_made_again(run: Run) -> None:
         path = run.out / "case" / "interval_0" / name
         text = path.read_text()
         path.write_text(text + "// by hand\n")
-        assert again(run).stale("run") == {
-            "case": f"case/interval_0/{name} has changed since it was written",
-            "run": "not made yet",
-        }
+        changed = f"case/interval_0/{name} has changed since it was written"
+        assert again(run).stale("run") == {"case": changed, "run": "not made yet"}
         make(again(run), "case", ONE, quiet=True)
         assert path.read_text() == text
 

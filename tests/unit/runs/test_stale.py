@@ -26,37 +26,23 @@ OF_MESH = ["mesh", *OF_CASE]
 ALL = ["kinematics", *OF_MESH]
 
 # The stages whose result a section, or one of its keys, changes.
+VIEW = "camera.columns camera.rows camera.scale_mm_per_px camera.centre"
 EXPECTED = {
-    "title": REPORT,
-    "tank": ALL,
-    "finger": ALL,
-    "body": ALL,
-    "pinch": ALL,
-    "support": ALL,
-    "obstacle": ALL,
-    "motion": ALL,
-    "mesh": OF_MESH,
-    "model": OF_MESH,
-    "numerics": OF_CASE,
-    "numerics.time_step": OF_MESH,
-    "fluid": OF_CASE,
-    "sheet.rate_hz": OF_MESH,
-    "sheet.z": OF_CASE,
-    "sheet.spacing": OF_SHEET,
-    "sheet.margin": OF_SHEET,
-    "sheet.thickness": OF_IMAGES,
-    "camera": OF_IMAGES,
-    "camera.columns": OF_SHEET,
-    "camera.rows": OF_SHEET,
-    "camera.scale_mm_per_px": OF_SHEET,
-    "camera.centre": OF_SHEET,
-    "piv": OF_PIV,
-    "vortices": ["vortices_cfd", "vortices_piv", *PAGE],
-    "structure": [],  # of coupled runs alone
-    "structure.bending_stiffness": ["loads", "figures", "report"],
-    "structure.damping": ["loads", "figures", "report"],
-    "actuator": [],  # make fea, whose result is a file of the motion
-    "fea": [],
+    name: stages
+    for names, stages in (
+        ("title", REPORT),
+        ("tank finger body pinch support obstacle motion", ALL),
+        ("mesh model numerics.time_step sheet.rate_hz", OF_MESH),
+        ("numerics fluid sheet.z", OF_CASE),
+        (f"sheet.spacing sheet.margin {VIEW}", OF_SHEET),
+        ("sheet.thickness camera", OF_IMAGES),
+        ("piv", OF_PIV),
+        ("vortices", ["vortices_cfd", "vortices_piv", *PAGE]),
+        ("structure.bending_stiffness structure.damping", ["loads", "figures", "report"]),
+        # of coupled runs alone; make fea's result is a file of the motion
+        ("structure actuator fea", []),
+    )
+    for name in names.split()
 }
 FILES = {f"motion.{key}" for key in FILE_KEYS}  # whose content counts, not the name
 PLACES = {"name", "level", "folder", "parents", "out", "notes"}  # of the run, not of its scene

@@ -41,14 +41,11 @@ def test_the_ledger_lists_every_check_and_the_missed_ones(tmp_path):
     for result in (good, bad):
         write_result(result, tmp_path / f"{result.name}.json")
     assert write_ledger(tmp_path) == 1
-    checks, flows, missed = (
-        (tmp_path / f"{name}.csv").read_text().splitlines()
-        for name in ("checks", "flows", "missed")
-    )
+    tables = (tmp_path / f"{name}.csv" for name in ("checks", "flows", "missed"))
+    checks, flows, missed = (table.read_text().splitlines() for table in tables)
     assert [row.split(",")[7] for row in checks] == ["met", "met", "missed"]
-    assert [row.split(",")[:2] for row in flows[1:]] == [
-        ["Title one", "1 of 1"], ["Title two", "0 of 1"],
-    ]  # fmt: skip
+    scores = [row.split(",")[:2] for row in flows[1:]]
+    assert scores == [["Title one", "1 of 1"], ["Title two", "0 of 1"]]
     assert missed[1:] == ["thing,3 m,2 m ± 10 %"]
     assert (tmp_path / "impulsive_cylinder.svg").stat().st_size > 1000
     assert json.loads((tmp_path / "finger.json").read_text())["checks"][0]["met"] is False
