@@ -306,7 +306,7 @@ def new_dpiv(
     data: Annotated[Path | None, Parameter(help="Folder of the recording.")] = None,
 ) -> None:
     """Print a template of dpiv.toml, filled in from the files of a folder."""
-    from postprocess.lab.data.dpiv_reference import dpiv_template
+    from postprocess.lab.dpiv_toml import dpiv_template
 
     print(dpiv_template(data), end="")
 

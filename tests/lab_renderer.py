@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
-from postprocess.lab.data.pose import Pose
+from postprocess.lab.pose import Pose
 
 REACH = 0.004  # m beyond the picture that particles are strewn over
 SPOT = 3  # px on each side of a particle that its light reaches

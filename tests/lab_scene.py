@@ -12,7 +12,7 @@ from fileio.formats.plane_series import make_plane
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from piv.foreign.write import write_vectors
-from postprocess.lab.registration.silhouette import left_of
+from postprocess.lab.silhouette import left_of
 
 VECTORS = """format = "dpiv"
 format_version = 4

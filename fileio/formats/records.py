@@ -7,10 +7,9 @@ from fileio.schema import JsonFormat, Table
 RUN = JsonFormat("run")
 COMPARISON = JsonFormat("comparison")
 LAB_COMPARISON = JsonFormat("lab-comparison", "run make compare again")
-REGISTRATION = JsonFormat("registration", "delete it and run make compare again", 2)
 STUDY_PLAN = JsonFormat("study-plan", "run the study again")
 FIGURES = JsonFormat("figures", "run the stage 'figures' again")
-RECORDS = (RUN, COMPARISON, LAB_COMPARISON, REGISTRATION, STUDY_PLAN, FIGURES)
+RECORDS = (RUN, COMPARISON, LAB_COMPARISON, STUDY_PLAN, FIGURES)
 
 FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_viscous")
 POWER = Table("time, finger_power, kinetic_energy, dissipation")

@@ -6,35 +6,49 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import sha256, write_text
+import numpy as np
+import pandas as pd
+
+from fileio.atomic import sha256, write_bytes, write_text
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.plane_series import read_plane
 from fileio.formats.records import LAB_COMPARISON, RUN
 from fileio.lock import exclusive
-from fileio.provenance import digest, versions
-from fileio.record import changed_outputs, read_record, write_record
+from fileio.provenance import versions
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.make import Machine, make, make_sheet
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
-from postprocess.lab.data.dpiv_toml import NAME, Dpiv, read_dpiv
-from postprocess.lab.data.files import LAW, LabFiles, Registration, read_registration
-from postprocess.lab.data.inputs_toml import input_rows, read_inputs
-from postprocess.lab.judgement.case import Case
-from postprocess.lab.judgement.clock import check_clock
-from postprocess.lab.judgement.compare import compare
-from postprocess.lab.judgement.flow import flow_effects
-from postprocess.lab.judgement.motion import effect_of
-from postprocess.lab.registration.step import fea_band, registration_summary, run_registration
-from postprocess.lab.virtual.common_grid import on_common_grid
+from postprocess.lab.check_fit import check_fit, draw_fit
+from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
+from postprocess.lab.flow import flow_effects, flow_quantities, tables
+from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
+from postprocess.lab.motion import (
+    Case,
+    at_recorded_motion,
+    check_clock,
+    effect_of,
+    motion_quantities,
+)
+from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
+from postprocess.lab.register import (
+    Known,
+    Registration,
+    register,
+    stated_registration,
+)
+from postprocess.lab.validation import joint_level, judged, verdicts
+from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
 
 PLANES = 42  # of a run that varies an input: its effect changes slowly
 TO_SOLVE = ("kinematics", "mesh", "case", "run")
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
 SEED = 1  # of the registration's samples
+MARGIN = 0.008  # m of the sheet beyond the picture
+View = tuple[float, float, float, float]
 
 
 def compare_with(
@@ -45,41 +59,41 @@ def compare_with(
     `inputs`: vary the uncertain inputs by runs of their own. `quick`: compare the motion alone, for
     which nothing is solved. All files are read and the data registered before anything is solved.
     """
-    from postprocess.lab.report.report import make_report
+    from postprocess.lab.page import make_report
 
-    if not (folder / NAME).is_file() and folder.name != NAME:
-        raise StageError(f"DPIV={folder}: holds no {NAME}; docs/comparison.md shows one")
     dpiv = read_dpiv(folder)
     if quick and dpiv.kind == "vectors":
         raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
-    files, scene = LabFiles(StageFiles(run.scene), dpiv.name), run.scene
+    scene, lab = run.scene, run.out / "lab" / dpiv.folder.resolve().name
+    beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
     make(run, "kinematics", machine, quiet)
-    files.folder.mkdir(parents=True, exist_ok=True)
-    with exclusive(files.folder):
-        kinematics, known = read_kinematics(run.path("kinematics")), read_inputs(scene.folder)
-        bend_std = fea_band(files, dpiv, kinematics)
-        registration = _register(run, files, dpiv, kinematics, quiet)
+    lab.mkdir(parents=True, exist_ok=True)
+    with exclusive(lab):
+        kinematics = read_kinematics(run.path("kinematics"))
+        bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
+        registration, view = registered(dpiv, kinematics, lab / "registration_refused.png")
         case = Case(kinematics, registration, bend_std)
-        rows = input_rows(scene_numbers(files.stage), known) if inputs else []
-        runs = {
-            name: open_run(
-                scene.folder, scene.level, dict(run.overrides) | values, run.out / "inputs" / name
+        runs = {}
+        for of in beside if inputs else ():
+            values = of.overrides(scene_numbers(StageFiles(scene)))
+            out = run.out / "inputs" / of.name
+            runs[of.name] = one = open_run(
+                scene.folder, scene.level, dict(run.overrides) | values, out
             )
-            for name, values in rows
-        }
-        for of in (known.input if quick else known.all) if inputs else ():
-            make(runs[of.name], "kinematics", machine, quiet=True)
-            changed = read_kinematics(runs[of.name].path("kinematics"))
+            make(one, "kinematics", machine, quiet=True)
+            changed = read_kinematics(one.path("kinematics"))
             case.effects.append(effect_of(of, kinematics, changed))
         if not quick:
-            case = _with_flow(case, run, runs, files, dpiv, machine, quiet)
-        result, series = compare(case, known)
+            case = _with_flow(case, run, runs, lab, dpiv, view, machine, quiet)
+        result, series = compare(case)
+        missing = {"pressure", "duration", *(of.name for of in beside)} - set(runs)
         result |= {
-            "scene": files.stage.scene,
+            "missing_runs": sorted(missing),
+            "scene": scene.name,
             "level": scene.level,
             "data": dpiv.title,
             "numerics": level_error([scene.folder, *scene.parents], scene.level)[0],
-            "registration": registration_summary(registration),
+            "registration": registration.summary(),
             "provenance": {
                 "versions": versions(*LIBRARIES),
                 "dpiv_sha256": sha256(dpiv.folder / NAME),
@@ -88,24 +102,103 @@ def compare_with(
             },
         }
         if series is not None:
-            solver = RUN.read(files.stage.required("run/run.json", "run")).get("versions", {})
+            solver = RUN.read(run.out / "run" / "run.json").get("versions", {})
             result["provenance"]["versions"] |= solver
-            LAB_COMPARISON.write(files.comparison, result)
-            write_text(files.folder / "series.csv", series.to_csv(index=False))
+            LAB_COMPARISON.write(lab / "comparison.json", result)
+            write_text(lab / "series.csv", series.to_csv(index=False))
         if not quiet:
             for q in result["quantities"]:
                 ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
                 print(f"{q['name']:16s} {q['verdict']:14s} {ratio}")
             print(f"verdict: {result['verdict']}")
-        return make_report(files, dpiv, case, result, series)
+        return make_report(lab, scene.title, dpiv, case, result, series)
+
+
+def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:
+    """Verdicts, and the flow's series over time (None: only the motion is compared).
+
+    The flow is judged at the recording's own motion, where its effect is known.
+    """
+    case = at_recorded_motion(case)
+    quantities, series = motion_quantities(case), None
+    if case.flow is not None:
+        measured = tables(case, case.flow)
+        quantities += flow_quantities(case, case.flow, measured)
+        series = pd.concat(
+            [t.set_index("time").add_suffix(f"_{name}") for name, t in measured.items()], axis=1
+        ).reset_index()
+    rows = [judged(q, joint_level(len(quantities))) for q in quantities]
+    return {"quantities": rows, **verdicts(rows)}, series
+
+
+def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:
+    """Register the data; the tank's part around what they show.
+
+    StageError where the fit does not explain the pictures, which `refused` then shows.
+    """
+    if dpiv.kind == "vectors":
+        registration, plane = stated_registration(dpiv, kinematics), lab_vectors(dpiv)
+        places = np.stack([plane[n].values[[0, -1]] for n in ("x", "y")], axis=1)
+        step = float(plane["x"][1] - plane["x"][0])
+        corners = places + np.array([[-step], [step]])
+        return registration, registration.pose.view(corners, MARGIN)
+    path, light = dpiv.folder / NAME, dpiv.light_from_deg
+    with LabRecording(dpiv) as recording:
+        known = Known(
+            stated_pose(dpiv, recording, kinematics.root),
+            dpiv.scale.std_percent / 100,
+            turn_std=float(np.radians(dpiv.axes.turn_std_deg)),
+            delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
+            paired=dpiv.piv.pairing == "1-2,3-4",
+            hidden=dpiv.root_hidden_mm * 1e-3,
+            light_from=None if light is None else float(np.radians(light)),
+            length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+        )
+        try:
+            registration = register(recording, recording.times, kinematics, known, SEED)
+        except StageError as error:
+            raise StageError(f"{path}: {error}") from error
+        check = check_fit(recording, registration, kinematics, known)
+        rows, columns = recording.shape
+    refused.unlink(missing_ok=True)
+    if check.refusals:
+        write_bytes(refused, draw_fit(check))
+        text = f"the registration is refused: {'; also, '.join(check.refusals)}"
+        raise StageError(f"{path}: {text}; see {refused}")
+    corners = np.array([[0.0, 0.0], [columns, rows]])
+    return registration, registration.pose.view(corners, MARGIN)
+
+
+def _fea_band(dpiv: Dpiv, kinematics: Kinematics, path: Path) -> float:
+    """Standard uncertainty (rad) of the final bend by the bands of the FEA; 0: they do not count.
+
+    StageError where they count and are not known, and where one bend belongs to several shapes.
+    """
+    change = np.diff(kinematics.data["shape_bend"].values)
+    if not (np.all(change > 0) or np.all(change < 0)):
+        raise StageError(
+            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled"
+            " motion or a rigid body, so a recording's bend does not tell the shape; compare a"
+            " scene whose motion.source is 'fea' or 'paper_equations'"
+        )
+    if dpiv.finger_geometry == "measured":
+        return 0.0
+    bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
+    if bend_std == 0:
+        raise StageError(
+            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
+            f' fea, or state finger_geometry = "measured" in {dpiv.folder / NAME}'
+        )
+    return bend_std
 
 
 def _with_flow(
     case: Case,
     run: Run,
     runs: dict[str, Run],
-    files: LabFiles,
+    lab: Path,
     dpiv: Dpiv,
+    view: View,
     machine: Machine,
     quiet: bool,
 ) -> Case:
@@ -117,14 +210,14 @@ def _with_flow(
     if not quiet:
         print(_plan({"the nominal run": run} | runs, machine.ranks), flush=True)
     make(run, "run", machine, quiet)
-    view = case.registration.view
     name = f"lab_{'_'.join(f'{1e3 * v:.0f}' for v in view)}.h5"  # recordings of one set-up share it
     make_sheet(run, view, run.out / name, quiet)
     with read_plane(run.out / name) as opened:
         sheet = opened.load()
-    known = files, dpiv, case.kinematics, case.registration, sheet
-    sides = on_common_grid(*known, threads=machine.jobs, quiet=quiet)
-    check_clock(case.kinematics, case.registration, sides, dpiv.folder / NAME)
+    vortices = run.scene.vortices.model_dump(mode="json")
+    known = case.kinematics, case.registration, sheet, vortices
+    sides = both_sides(lab, dpiv, *known, threads=machine.jobs, quiet=quiet)
+    check_clock(case, sides, dpiv.folder / NAME)
     for one in runs.values():
         make(one, "run", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
@@ -143,25 +236,3 @@ def _plan(runs: dict[str, Run], ranks: int) -> str:
         for stage in TO_SOLVE
     )
     return f"plan: to solve {', '.join(missing)}, about {duration(time)} on {ranks} idle cores"
-
-
-def _register(
-    run: Run, files: LabFiles, dpiv: Dpiv, kinematics: Kinematics, quiet: bool
-) -> Registration:
-    """Register the finger in the data, unless done with the same motion and files."""
-    data: list[Any] = [
-        [path.relative_to(dpiv.folder).as_posix(), path.stat().st_size, path.stat().st_mtime_ns]
-        for path in sorted(dpiv.folder.rglob("*"))
-        if path.is_file()
-    ]
-    made_from = digest(["registration 3", run.digest("kinematics"), data])
-    record = read_record(files.folder, "registration")
-    if record and record["digest"] == made_from and not changed_outputs(files.folder, record):
-        return read_registration(files.registration)
-    registration = run_registration(files, dpiv, kinematics, SEED)
-    write_record(files.folder, "registration", {"digest": made_from}, [files.registration])
-    if not quiet and registration.times.size:
-        found = zip(LAW, registration.law.values, strict=True)
-        text = (f"{name} {v:.4f} ± {1.96 * registration.law.std(name):.4f}" for name, v in found)
-        print(f"register: recording against simulation (95 %): {', '.join(text)} (delay in s)")
-    return registration

@@ -11,7 +11,7 @@ from piv.plots.film import write_film
 from postprocess.compare.stage import compare
 from postprocess.draw.animation import write_picture
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.lab.report.report import page as lab_report
+from postprocess.lab.page import page as lab_report
 from postprocess.report import figures, flow_figures
 from postprocess.report.stage import make_report
 from tests.synthetic_stroke import copy_findings, write_case

@@ -29,9 +29,8 @@ from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence.tip_vortex import dominant_track
 from postprocess.lab.command import compare_with
-from postprocess.lab.data.files import read_registration
-from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.virtual.common_grid import WIDE
+from postprocess.lab.pose import Pose, camera_series
+from postprocess.lab.virtual_experiment import WIDE
 from tests.lab_renderer import Faults, Filmed
 
 TABLE = Path("docs/record/laboratory_blind.csv")
@@ -132,16 +131,19 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, object]:
         compare_with(nominal, place, Machine(), inputs=True, quick=False, quiet=True)
     except StageError as error:
         return row | {"refused": str(error)}
-    found = read_registration(lab / "registration.json")
     result = LAB_COMPARISON.read(lab / "comparison.json")
     judged = {q["name"]: q for q in result["quantities"]}
-    factor = WATERS[fault][0] / 20.0
+    found, factor = result["registration"], WATERS[fault][0] / 20.0
     truth = [*true.at_px, true.angle, -np.log(true.pixel), factor, -start]
-    known = [*found.pose.at_px, found.pose.angle, -np.log(found.pose.pixel), *found.law.values[:2]]
-    std = [*np.sqrt(np.diag(found.covariance)), found.law.std("factor"), found.law.std("delay")]
+    mm, turn = found["scale_mm_per_px"], np.radians(found["turn_deg"])
+    known = [*found["root_px"], turn, -np.log(1e-3 * mm), found["pressure_factor"]]
+    known.append(1e-3 * found["delay_ms"])
+    std = [*np.array(found["root_std_mm"]) / mm, np.radians(found["turn_std_deg"])]
+    std += [found["scale_std_percent"] / 100, found["pressure_factor_std"]]
+    std.append(1e-3 * found["delay_std_ms"])
     for name, one, other, s in zip(NAMES, known, truth, std, strict=True):
         row |= {f"{name}_error": one - float(other), f"{name}_std": s}
-    row |= {"stretch": found.law.values[2], "stretch_std": found.law.std("stretch")}
+    row |= {"stretch": found["stretch"], "stretch_std": found["stretch_std"]}
     with read_plane(lab / "direct.h5") as direct:
         like = direct.load()
     window = np.add(judged["circulation"]["window"], (-1e-6, 1e-6))
@@ -185,9 +187,10 @@ def main() -> None:
     parser.add_argument("first", type=int, nargs="?", default=1)
     parser.add_argument("last", type=int, nargs="?", default=0)
     parser.add_argument("--scene", default="cases/single_finger")
+    parser.add_argument("--level", default="smoke")
     parser.add_argument("--table", type=Path, default=TABLE)
     asked = parser.parse_args()
-    nominal = open_run(asked.scene, "smoke")
+    nominal = open_run(asked.scene, asked.level)
     folder = nominal.out / "blind"
     folder.mkdir(parents=True, exist_ok=True)
     for seed in range(asked.first, asked.last + 1):

@@ -25,7 +25,7 @@ from fileio.json_text import flat
 from fileio.key_reference import Key
 from pipeline.scene.read_toml import read_layers
 from pipeline.scene_reference import keys
-from postprocess.lab.data.dpiv_reference import KEYS
+from postprocess.lab.dpiv_toml import KEYS
 from tests.conftest import ROOT
 
 FOLDER = ROOT / "docs" / "reference"

@@ -7,22 +7,27 @@ import pandas as pd
 import pytest
 
 from piv.vortices.find import VortexSettings
-from postprocess.lab.data.dpiv_toml import Evaluation
-from postprocess.lab.data.files import Law, Registration
-from postprocess.lab.data.inputs_toml import Inputs, Numerics
-from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.judgement.case import Case, Effect, Sides
-from postprocess.lab.judgement.compare import compare
-from postprocess.lab.judgement.validation import AGREES, ERROR
-from postprocess.lab.virtual.common_grid import outlines_px, with_finger
-from postprocess.lab.virtual.virtual_experiment import evaluate, virtual_experiment
+from postprocess.lab.command import compare
+from postprocess.lab.dpiv_toml import Evaluation
+from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
+from postprocess.lab.motion import Case, Effect
+from postprocess.lab.pose import Pose, camera_series
+from postprocess.lab.register import Law, Registration
+from postprocess.lab.validation import AGREES, ERROR
+from postprocess.lab.virtual_experiment import (
+    MaskedRecording,
+    MovedRecording,
+    Sides,
+    evaluate,
+    outlines_px,
+    with_finger,
+)
 from tests.lab_renderer import Filmed
 from tests.lab_scene import finger_kinematics, vortex_series
 
 PIV = Evaluation(window=24, spacing=8, pairing="1-2,3-4", interval_s=0.002)
 SHAPE, FRAMES = (320, 400), np.arange(10)
 TIMES = 0.10 + FRAMES // 2 / 50.0 + FRAMES % 2 * 0.002
-INPUTS = Inputs(format="inputs", format_version=1, too_uncertain=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +43,11 @@ def compared(tmp_path_factory):
         flow = vortex_series(kinematics, clock, gain=gain, spacing=2e-3)
         seen = kinematics, pose, kinematics.law(TIMES), SHAPE
         recording = Filmed(*seen, flow=flow, times=TIMES)
-        seen_by = TIMES, shapes, pose, PIV
-        data = evaluate(recording, FRAMES, *seen_by, folder / f"{gain}.h5")
+        frames = MaskedRecording(recording, FRAMES, TIMES, shapes, pose)
+        data = evaluate(frames, PIV, folder / f"{gain}.h5")
         data = with_finger(data, kinematics, pose, kinematics.law(data["time"].values))
-        moved = recording, FRAMES[::2], TIMES, ours, pose, shapes, PIV, folder / f"v{gain}.h5"
-        virtual = virtual_experiment(*moved)
+        moved = MovedRecording(recording, FRAMES[::2], TIMES, shapes, pose, sheet=ours)
+        virtual = evaluate(moved, PIV, folder / f"v{gain}.h5")
         virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         x, y, instants = (data[name].values for name in ("x", "y", "time"))
         direct = camera_series(ours, pose, x, y, instants)
@@ -52,14 +57,14 @@ def compared(tmp_path_factory):
         settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = Sides(data, virtual, direct, settings, 24 * pose.pixel)
         case = Case(kinematics, registration, 0.0, sides, [_grid_effect(instants.size)])
-        out[gain] = compare(case, INPUTS)
+        out[gain] = compare(case)
     # a run of finer numerics that has the stronger vortex of the last recording
     circulation = by_name(out[1.25])["circulation"]
     first, last = circulation["window"]
     series = out[1.25][1].set_index("time").loc[first - 1e-6 : last + 1e-6]
     lacks = float(circulation["data"][0] - series["circulation_direct"].mean())
     effect = _grid_effect(instants.size, SMALL | {"circulation": lacks}, 0.1)
-    out["finer"] = compare(replace(case, effects=[effect]), INPUTS)
+    out["finer"] = compare(replace(case, effects=[effect]))
     return out
 
 
@@ -69,8 +74,8 @@ SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4}
 def _grid_effect(count, change=SMALL, per_std=1.0) -> Effect:
     """A run of finer numerics: the same change at each instant."""
     table = pd.DataFrame({name: [value] * count for name, value in change.items()})
-    of = Numerics(name="grid", ratio=2.0, order=1.0, safety=2 * per_std)
-    return Effect(of, 0.0, 0.0, table)
+    ratio = (1 + 0.5 * SAFETY / per_std) ** (1 / ORDER)
+    return Effect(Finer("grid", ratio), 0.0, 0.0, table)
 
 
 def by_name(result):

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from postprocess.lab.data.files import Law, Registration
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.check_fit import check_fit, check_priors, draw_fit
-from postprocess.lab.registration.check_motion import check_motion
-from postprocess.lab.registration.outline_profile import shaded_parts
-from postprocess.lab.registration.register import Known, law_pressure, register
+from postprocess.lab.check_fit import check_fit, check_motion, check_priors, draw_fit
+from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.outline_profile import shaded_parts
+from postprocess.lab.pose import Pose
+from postprocess.lab.register import Known, Law, Registration, register
 from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics
 

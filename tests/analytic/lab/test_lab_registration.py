@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fileio.formats.kinematics import counter_clockwise
-from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.registration.check_fit import check_fit
-from postprocess.lab.registration.register import Known, register
-from postprocess.lab.registration.silhouette import integral_image
+from postprocess.lab.check_fit import check_fit
+from postprocess.lab.pose import Pose, camera_series
+from postprocess.lab.register import Known, register
+from postprocess.lab.silhouette import integral_image
 from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics, inside_sum, vortex_series
 

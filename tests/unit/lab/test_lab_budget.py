@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postprocess.lab.judgement.compare import judged
-from postprocess.lab.judgement.validation import (
+from postprocess.lab.validation import (
     AGREES,
     DIFFERS,
     ERROR,
@@ -16,6 +15,7 @@ from postprocess.lab.judgement.validation import (
     coverage_factor,
     detectable_factor,
     joint_level,
+    judged,
 )
 
 
@@ -44,7 +44,7 @@ def test_sources_add_in_squares_and_the_largest_is_named():
     ],
 )
 def test_verdict_is_that_of_the_band(error, std, word):
-    assert quantity(error, std).verdict(too_uncertain=0.3) == word
+    assert quantity(error, std).verdict() == word
 
 
 def test_a_model_error_of_the_detectable_size_is_found_as_often_as_it_says():
@@ -60,12 +60,11 @@ def test_a_model_error_of_the_detectable_size_is_found_as_often_as_it_says():
 
 def test_what_the_data_know_better_than_the_inputs_differs():
     inside = quantity(1.0, 0.1, 2.0, 0.2)  # numerical, input, data
-    assert inside.verdict(too_uncertain=10.0) == AGREES
-    assert inside.differs()
-    assert not quantity(0.3, 0.1, 2.0, 0.2).differs()
+    assert inside.significance(inside.u_kind("data")) == pytest.approx(5.0)
     # a bend that differs is not undecided as well
-    row = judged(replace(inside, name="final_bend"), too_uncertain=0.3, level=0.95)
-    assert row["verdict"] == DIFFERS
+    assert judged(replace(inside, name="final_bend"))["verdict"] == DIFFERS
+    within = quantity(0.3, 0.1, 2.0, 0.2, scale=100.0)
+    assert replace(within, name="final_bend").verdict() == AGREES
 
 
 def test_two_components_are_judged_together():
@@ -73,5 +72,5 @@ def test_two_components_are_judged_together():
     values = np.array([2.2, 1.0]), np.zeros(2)
     near = ValidatedQuantity("c", "c", "m", *values, 100.0, [source])
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
-    assert near.verdict(0.5) == AGREES  # 2.2 alone would be beyond 1.96
+    assert near.verdict() == AGREES  # 2.2 alone would be beyond 1.96
     assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))

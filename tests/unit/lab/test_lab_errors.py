@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from postprocess.lab.data.files import Law, Registration
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.flow import (
+from postprocess.lab.fit_outline import pose_of, state_of
+from postprocess.lab.flow import (
     excess_scatter,
     independent_instants,
     place_jacobian,
 )
-from postprocess.lab.registration.fit_outline import pose_of, state_of
-from postprocess.lab.registration.register import with_length
+from postprocess.lab.pose import Pose
+from postprocess.lab.register import Law, Registration, with_length
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.03, 1.6])

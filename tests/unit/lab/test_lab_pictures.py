@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from fileio.formats.recording import RecordingWriter
-from postprocess.lab.data.dpiv_toml import read_dpiv
-from postprocess.lab.data.pictures import LabRecording
+from postprocess.lab.dpiv_toml import read_dpiv
+from postprocess.lab.recorded import LabRecording
 
 COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
 TOML = """format = "dpiv"

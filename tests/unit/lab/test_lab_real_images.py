@@ -6,9 +6,9 @@ import pytest
 from scipy.optimize import minimize
 
 from piv.images.calibration import Calibration, save_calibration
-from postprocess.lab.data.dpiv_toml import read_dpiv
-from postprocess.lab.data.pictures import LabRecording
-from postprocess.lab.registration.silhouette import integral_image, learn
+from postprocess.lab.dpiv_toml import read_dpiv
+from postprocess.lab.recorded import LabRecording
+from postprocess.lab.silhouette import integral_image, learn
 from tests.lab_scene import inside_sum
 from tests.shared_data import shared_data
 

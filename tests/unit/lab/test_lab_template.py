@@ -7,19 +7,21 @@ import h5py
 import numpy as np
 import pytest
 
-from fileio.key_reference import template
-from postprocess.lab.data.dpiv_reference import KEYS, seen_in
+from postprocess.lab.dpiv_toml import dpiv_template, seen_in
 
 
 def test_pictures_fill_in_their_files(tmp_path):
     (tmp_path / "run7" / "frames").mkdir(parents=True)
     for k in range(3):
         cv2.imwrite(str(tmp_path / f"run7/frames/a{k:03d}.tif"), np.zeros((9, 9), np.uint8))
-    text = template(KEYS, seen_in(tmp_path / "run7"))
+    text = dpiv_template(tmp_path / "run7")
     table = tomllib.loads(text.replace("= …", "= 0"))
     assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 4, "pictures")
     assert (table["title"], table["files"]) == ("run7", "frames/*.tif")
-    assert "\nframe_rate_hz = …" in text  # pictures do not state it
+    # pictures do not state them, nor need they what vectors do
+    for key in ("frame_rate_hz", "scale_mm_per_px", "root_px", "pairing", "finger_length_std_mm"):
+        assert f"\n{key} = …" in text
+    assert "root_mm" not in text
 
 
 def test_vectors_are_distinguished_from_a_recording(tmp_path):

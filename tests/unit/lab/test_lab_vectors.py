@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 
 from fileio.formats.plane_series import make_plane
-from postprocess.lab.data.dpiv_toml import read_dpiv
-from postprocess.lab.data.vectors import lab_vectors
-from postprocess.lab.registration.step import stated_registration
+from postprocess.lab.dpiv_toml import read_dpiv
+from postprocess.lab.recorded import lab_vectors
+from postprocess.lab.register import stated_registration
 from tests.lab_scene import finger_kinematics, state_vectors
 
 SCALE, INTERVAL = 0.25e-3, 0.002

@@ -9,7 +9,7 @@ from fileio.formats.recording import RecordingWriter
 from piv.foreign.pivlab import instants
 from piv.sequence.chunks import join
 from piv.view.scene import open_scene
-from postprocess.lab.data.dpiv_reference import seen_in
+from postprocess.lab.dpiv_toml import seen_in
 from tests.piv_command import piv
 
 SHAPE = (4, 96, 96)

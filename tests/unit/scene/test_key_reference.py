@@ -7,13 +7,13 @@ import pytest
 from fileio.errors import StageError
 from fileio.key_reference import MISSING
 from pipeline import scene_reference
-from postprocess.lab.data import dpiv_reference
-from postprocess.lab.data.dpiv_toml import read_dpiv
+from postprocess.lab.dpiv_toml import KEYS as DPIV_KEYS
+from postprocess.lab.dpiv_toml import dpiv_template, read_dpiv
 from tests.conftest import write_scene
 from tests.studies.reference import FOLDER, PAGES
 
-KEYS = [*scene_reference.keys(), *dpiv_reference.KEYS]
-TEMPLATES = scene_reference.scene_template(), dpiv_reference.dpiv_template(None)
+KEYS = [*scene_reference.keys(), *DPIV_KEYS]
+TEMPLATES = scene_reference.scene_template(), dpiv_template(None)
 # numbers that count, or are shares, powers and seeds
 BARE = {
     "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow",

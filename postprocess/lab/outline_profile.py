@@ -13,9 +13,9 @@ import shapely
 from scipy.spatial import cKDTree
 
 from fileio.formats.kinematics import Kinematics
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.fit_outline import Shapes
-from postprocess.lab.registration.silhouette import WaterLikelihood, particles
+from postprocess.lab.fit_outline import Shapes
+from postprocess.lab.pose import Pose
+from postprocess.lab.silhouette import WaterLikelihood, particles
 
 # px from the outline, outside positive; the last band is the water's own
 BANDS = np.array([-9.0, -1.5, 1.5, 6.0, 12.0, 30.0])
@@ -47,9 +47,11 @@ class OutlineProfile:
         return float(self.count[..., FAR].sum() / max(self.area[..., FAR].sum(), 1.0))
 
 
-def _parts_of(kinematics: Kinematics, outline: np.ndarray) -> np.ndarray:
-    """The part of `NAMES` of each point of the outline (point, 2; m) at rest."""
+def _parts_of(shapes: Shapes) -> np.ndarray:
+    """The part of `NAMES` of each point of the outline, by its place at rest."""
+    kinematics = shapes.kinematics
     start = float(kinematics.law(kinematics.time[0]))
+    outline = shapes.outlines[round(float(shapes.places_of(np.array(start))))]
     along = kinematics.shape("tip_direction", start)
     dorsal = kinematics.shape("dorsal_direction", start)
     from_root = outline - np.asarray(kinematics.root)
@@ -74,7 +76,7 @@ def outline_profile(
 
     `growth` of the outline (px); `blind` (frame, rows, columns): pixels to leave out.
     """
-    part = _parts_of(shapes.kinematics, shapes.outlines[shapes.rest])
+    part = _parts_of(shapes)
     count, area = np.zeros((2, len(images), len(NAMES), len(BANDS) - 1))
     drawn = _seen_outlines(shapes, pose, pressures, growth)
     for f, (image, outline) in enumerate(zip(images, drawn, strict=True)):

@@ -1,7 +1,8 @@
 """Whether a registration explains the pictures, part by part, picture by picture, and plausibly.
 
 The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are
-missing beside the outline or lie within it, the fit may be off by many of them.
+missing beside the outline or lie within it, the fit may be off by many of them. Nor do they hold
+where the law of motion does not explain single pictures.
 """
 
 from __future__ import annotations
@@ -13,10 +14,8 @@ import numpy as np
 
 from fileio.formats.kinematics import Kinematics
 from piv.images.recording import Recording
-from postprocess.lab.data.files import Registration
-from postprocess.lab.registration.check_motion import check_motion
-from postprocess.lab.registration.fit_outline import shapes_of
-from postprocess.lab.registration.outline_profile import (
+from postprocess.lab.fit_outline import law_pressure, shapes_of
+from postprocess.lab.outline_profile import (
     EDGE,
     FAR,
     INSIDE,
@@ -28,7 +27,13 @@ from postprocess.lab.registration.outline_profile import (
     independent_share,
     outline_profile,
 )
-from postprocess.lab.registration.register import GROWTH_STD, ROOT_STD, Known, learned
+from postprocess.lab.register import (
+    GROWTH_STD,
+    ROOT_STD,
+    Known,
+    Registration,
+    learned,
+)
 
 GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
 FAR_OFF = 3.0  # standard deviations from a stated or plausible value
@@ -40,7 +45,14 @@ BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
 SHADOW = "particles are missing beside it, as in a shadow"
 UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a reflection"
 BRIGHT = "it is brighter than the water, as by a reflection"
-GREEN, RED = (103, 194, 39), (66, 60, 235)  # BGR
+GREEN, RED, ORANGE = np.array([[103, 194, 39], [66, 60, 235], [66, 140, 255]])  # BGR
+
+LARGEST = 2.0  # factor by which pressure and duration may differ, either way
+MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
+JUMP = 6.0  # standard deviations of a jump: every instant is tried
+ENDS = 4  # pictures before and behind a jump, at least
+FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
+NOISE = 0.002  # of the range of pressure: what a single picture is not known better than
 
 
 @dataclass(frozen=True)
@@ -181,15 +193,88 @@ def _parts_sentence(parts: dict[int, str]) -> str:
     )
 
 
+def check_motion(kinematics: Kinematics, registration: Registration, interval: float) -> list[str]:
+    """Sentences on what the law does not explain; `interval` (s): between successive pictures."""
+    factor, _, stretch = registration.law.values
+    span = kinematics.high - kinematics.low
+    if not 1 / LARGEST < stretch < LARGEST:
+        return [
+            f"the stroke of the pictures takes {stretch:.2g} times the simulation's; correct"
+            " frame_rate_hz (of pictures in pairs: the pairs per second), or motion.strokes of the"
+            " scene"
+        ]
+    if not 1 / LARGEST < factor < LARGEST:
+        return [
+            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure;"
+            " correct motion.strokes of the scene"
+        ]
+    at, jump, std = _largest_jump(kinematics, registration)
+    if abs(jump) > max(JUMP * std, 0.7 * interval):
+        where, why = "ahead of", "pictures are missing there"
+        if jump > 0:
+            where, why = "behind", "a picture is there twice, or the finger halted"
+        return [
+            f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {where}"
+            f" its motion before: {why} (dropped frames); give the part before or behind it as a"
+            " recording of its own"
+        ]
+    if registration.law.misfit > MISFIT * span:
+        off = abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
+        return [
+            f"single pictures lie {np.degrees(off):.1f}° (rms) off the simulation's law of motion,"
+            " however it is stretched; check frame_rate_hz, missing pictures, and motion.strokes of"
+            " the scene"
+        ]
+    return []
+
+
+def _largest_jump(kinematics: Kinematics, registration: Registration) -> tuple[float, float, float]:
+    """The most significant jump of the clock: when (s), its size and standard deviation (s).
+
+    Least squares of the pictures' pressures by the law, a smooth lag, and a delay from one picture
+    on. Negative: the motion is ahead of the clock.
+    """
+    times, values = registration.times, registration.law.values
+    if times.size < FEWEST:
+        return 0.0, 0.0, np.inf
+    span = kinematics.high - kinematics.low
+    noise = np.hypot(registration.pressures_std, NOISE * span)
+    rest = (registration.pressures - law_pressure(kinematics, times, values)) / noise
+    steps = np.array([1e-3, 2e-4, 1e-3])
+    basis = np.empty((times.size, 6))
+    for k, step in enumerate(steps):
+        change = step * np.eye(3)[k]
+        ahead, back = (law_pressure(kinematics, times, values + s * change) for s in (1, -1))
+        basis[:, k] = (ahead - back) / (2 * step) / noise
+    # a finger that lags smoothly, as one with hysteresis, has no jump
+    for k, power in ((3, 2), (4, 3)):
+        basis[:, k] = basis[:, 1] * np.linspace(-1, 1, times.size) ** power
+    best = (0.0, 0.0, np.inf)
+    for split in range(ENDS, times.size - ENDS):
+        basis[:, 5] = np.where(np.arange(times.size) >= split, basis[:, 1], 0.0)
+        fit = np.linalg.lstsq(basis, rest, rcond=None)[0]
+        left = rest - basis @ fit
+        scatter = max(float(np.sum(left**2)) / (times.size - 6), 0.3)
+        inverse = np.linalg.pinv(basis.T @ basis)
+        std = float(np.sqrt(scatter * inverse[5, 5]))
+        if std > 0 and abs(fit[5]) / std > abs(best[1]) / best[2]:
+            best = (float(times[split]), float(fit[5]), std)
+    return best
+
+
 def draw_fit(check: FitCheck) -> bytes:
     """PNG of the picture with the outline on it, the part that does not fit in red."""
-    grey = check.picture.astype(np.float32)
-    grey *= 255 / max(float(np.percentile(grey, 99.5)), 1.0)
-    grey = np.clip(grey, 0, 255).astype(np.uint8)
-    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    corners = np.column_stack([check.outline[:, 0], grey.shape[0] - 1 - check.outline[:, 1]])
-    corners = np.round(corners * 16).astype(np.int32)
-    for k, wrong in enumerate(check.wrong):
-        ends = tuple(corners[k].tolist()), tuple(corners[(k + 1) % len(corners)].tolist())
-        cv2.line(picture, *ends, RED if wrong else GREEN, 3 if wrong else 1, cv2.LINE_AA, 4)
-    return bytes(cv2.imencode(".png", picture)[1])
+    return outlined(check.picture, [(check.outline, np.where(check.wrong[:, None], RED, GREEN))])
+
+
+def outlined(picture: np.ndarray, outlines: list[tuple[np.ndarray, np.ndarray]]) -> bytes:
+    """PNG of a picture with outlines (point, 2; px, y up) in the colours (point, BGR) of each."""
+    grey = np.clip(picture * (255 / max(np.percentile(picture, 99.5), 1.0)), 0, 255)
+    drawn = cv2.cvtColor(grey.astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    for outline, colours in outlines:
+        corners = np.column_stack([outline[:, 0], len(picture) - 1 - outline[:, 1]])
+        corners = np.round(corners * 16).astype(np.int32)
+        for k, colour in enumerate(np.broadcast_to(colours, (len(corners), 3)).tolist()):
+            ends = corners[k - 1].tolist(), corners[k].tolist()
+            cv2.line(drawn, *ends, colour, 2, cv2.LINE_AA, 4)
+    return bytes(cv2.imencode(".png", drawn)[1])

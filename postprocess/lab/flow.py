@@ -17,10 +17,12 @@ from fileio.errors import StageError
 from fileio.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.lab.data.pose import Pose, camera_series
-from postprocess.lab.judgement.case import COLUMNS, Case, Effect, Sides
-from postprocess.lab.judgement.validation import POSTERIOR, Source, ValidatedQuantity
+from postprocess.lab.motion import Case, Effect
+from postprocess.lab.pose import Pose, camera_series
+from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
+from postprocess.lab.virtual_experiment import Sides
 
+COLUMNS = ("circulation", "x", "y")
 VORTEX = {  # quantity: columns, unit, label
     "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
     "centre": (("x", "y"), "m", "centre of the tip vortex"),
@@ -68,33 +70,25 @@ def flow_effects(
     `nominal`: sheet of the run itself; `sheets`: those of the others, by name.
     """
     pose, times = case.registration.pose, sides.direct["time"].values
+    x, y = (sides.direct[axis].values for axis in ("x", "y"))
     measured: dict[bytes, pd.DataFrame] = {}
-
-    def seen(sheet: xr.Dataset, at: np.ndarray, name: str) -> pd.DataFrame:
-        x, y = (sides.direct[axis].values for axis in ("x", "y"))
-        return measure(sides, pose, camera_series(sheet, pose, x, y, at), name)
-
     effects = []
     for effect in case.effects:
         with read_plane(sheets[effect.of.name]) as opened:
             sheet = opened.load()
         at = sheet["time"].values  # of a run with another end or rate other instants
         at = at[(at >= nominal["time"].values[0]) & (at <= nominal["time"].values[-1])]
-        if (key := at.tobytes()) not in measured:
-            measured[key] = seen(nominal, at, "direct")
-        effects.append(with_table(effect, seen(sheet, at, effect.of.name), measured[key], times))
+        run = measure(sides, pose, camera_series(sheet, pose, x, y, at), effect.of.name)
+        if at.tobytes() not in measured:
+            seen = camera_series(nominal, pose, x, y, at)
+            measured[at.tobytes()] = measure(sides, pose, seen, "direct")
+        change = (run - measured[at.tobytes()])[list(COLUMNS)]
+        known = change["circulation"].notna()
+        table = {
+            n: np.interp(times, at[known], v[known], np.nan, np.nan) for n, v in change.items()
+        }
+        effects.append(replace(effect, table=pd.DataFrame(table)))
     return effects
-
-
-def with_table(
-    effect: Effect, run: pd.DataFrame, nominal: pd.DataFrame, times: np.ndarray
-) -> Effect:
-    """The effect with the change from `nominal` to `run`, measured at the same instants."""
-    change = run[list(COLUMNS)] - nominal[list(COLUMNS)]
-    known = change["circulation"].notna()
-    at = nominal["time"][known]
-    table = {n: np.interp(times, at, v[known], np.nan, np.nan) for n, v in change.items()}
-    return replace(effect, table=pd.DataFrame(table))
 
 
 def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
@@ -152,22 +146,19 @@ def flow_quantities(
 ) -> list[ValidatedQuantity]:
     """Circulation and centre with all their sources, as means over the instants that tell most."""
     registration, at, out = case.registration, known_instants(case, measured), []
-    data = measured["data"].loc[at]
-    window_s = sides.window_m / float(
-        (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
-    )
+    data, clock = measured["data"].loc[at], sides.direct["time"].values
+    speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
+    window_s = sides.window_m / float(speed)
     for name, (columns, unit, label) in VORTEX.items():
         # what grid and masks hide is alike on both sides, which are seen through the same windows
         random = [f"{column}_random_std" for column in columns]
-        spread = {
-            side: np.sqrt(
-                np.mean(np.square(measured[side].loc[at, random].to_numpy(float)), axis=0)
-            )
+        ours_std, theirs_std = (
+            np.sqrt((measured[side].loc[at, random] ** 2).mean().to_numpy(float))
             for side in ("virtual", "data")
-        }
-        variance = np.sum([std**2 for std in spread.values()], axis=0)
+        )
+        variance = ours_std**2 + theirs_std**2
         rows = compared_instants(case, measured, at, columns, np.sqrt(variance), window_s)
-        times = sides.direct["time"].values[rows]
+        times = clock[rows]
         alike = independent_instants(times, window_s)
         ours, direct, theirs = (
             measured[side].loc[rows, list(columns)].to_numpy(float)
@@ -184,6 +175,7 @@ def flow_quantities(
         changed = UNLIKE * np.abs((ours - direct).mean(axis=0))
         of_piv = "a third of what PIV changes of the simulation: the other flow may be unlike"
         sources = [
+            *run_sources(case, columns, rows),
             Source("vectors", "data", np.sqrt(variance / alike), how),
             Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
             Source("pose", "data", seat, POSTERIOR),
@@ -198,15 +190,15 @@ def flow_quantities(
             ours.mean(axis=0) + added,
             value,
             case.kinematics.tip_width if name == "centre" else float(abs(value[0])),
-            run_sources(case, columns, rows) + sources,
+            sources,
             explained_by_motion(case, columns, rows),
             added if case.finer else None,
             (float(times[0]), float(times[-1])),
         )
-        known = np.hypot(quantity.u_kind("numerical"), quantity.u_kind("input"))
-        ours_std = np.hypot(spread["virtual"], known)
-        theirs_std = np.hypot(np.hypot(spread["data"], excess), quantity.u_kind("data"))
-        quantity.instant.update(data=theirs_std, simulation=ours_std)
+        known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
+        quantity.instant["simulation"] = np.linalg.norm(known, axis=0)
+        known = theirs_std, excess, quantity.u_kind("data")
+        quantity.instant["data"] = np.linalg.norm(known, axis=0)
         out.append(quantity)
     return out
 
@@ -239,20 +231,16 @@ def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[
     """Uncertainty of inputs and numerics by the runs beside the nominal one.
 
     Where the recording shows the motion, how well it is known takes the place of the inputs of the
-    motion, and its effect is linear: flow goes with 1/(1 + x) for a motion x slower, and a line
-    through the run's x₀ is off by x(x − x₀), the part x − x₀ of what the motion explains. Else the
-    FEA's band of the bend counts as the pressure that bends as much.
+    motion. Else the FEA's band of the bend counts as the pressure that bends as much.
     """
     sources = []
     for e in case.effects:
         moves = np.abs(e.moves(columns, rows))
         if e.share is None:
-            sources.append(Source(e.of.name, e.kind, e.std(columns, rows), e.how))
+            sources.append(Source(e.of.name, e.of.kind, e.std(columns, rows), e.of.how))
         else:
-            std, how = moves * e.share_std, POSTERIOR
-            sources.append(Source(f"{e.of.name} as recorded", "data", std, how))
-            std, how = moves * abs(e.share) * e.unlike, "effect of the motion taken for linear"
-            sources.append(Source(f"{e.of.name}, linear", "input", std, how))
+            std = moves * e.share_std
+            sources.append(Source(f"{e.of.name} as recorded", "data", std, POSTERIOR))
         if e.of.name == "pressure" and case.bend_std and not case.of_motion:
             std, how = moves * case.bend_std / abs(e.bend), "FEA's band, by the pressure's run"
             sources.append(Source("geometry and material", "input", std, how))

@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
-import math
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fileio.errors import StageError
-from fileio.key_reference import Key, complaints, keys_of
+from fileio.hdf5 import open_hdf5
+from fileio.key_reference import MISSING, Key, complaints, keys_of, template, toml_value
 from fileio.provenance import check_version
 from fileio.toml_text import read_toml
+from piv.images.open_recording import (
+    HDF5_SUFFIXES,
+    IMAGE_SUFFIXES,
+    PHOTRON_SUFFIXES,
+    VIDEO_SUFFIXES,
+    open_recording,
+)
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 NAME = "dpiv.toml"
 VERSION = 4
-TABLES = ("piv", "axes", "scale")
+# what each kind needs beside the keys that both need; pictures may have a calibration as scale
+REQUIRED = {
+    "pictures": "finger_length_std_mm scale.scale_mm_per_px axes.root_px piv.pairing",
+    "vectors": "scale.scale_mm_per_px axes.root_mm axes.root_std_mm axes.turn_std_deg"
+    " piv.interval_s",
+}
 # keys of the other kind, which would be ignored
 OTHER = {
     "pictures": "axes.root_mm axes.root_std_mm vectors",
     "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour axes.root_px"
-    " piv.pairing piv.every",
+    " piv.pairing piv.every scale.calibration",
 }
+ONE_FILE = (*PHOTRON_SUFFIXES, *VIDEO_SUFFIXES, *HDF5_SUFFIXES)  # is the whole recording
 
 
 class Table(BaseModel):
@@ -72,8 +87,8 @@ class Axes(Table):
     """Of vectors: its standard uncertainty [mm]"""
     turn_deg: float = 0.0
     """Of the tank frame in the picture, counter-clockwise; of pictures a first guess [deg]"""
-    turn_std_deg: NotNegative | None = None
-    """Its standard uncertainty; of pictures 1.5 where it is not given [deg]"""
+    turn_std_deg: NotNegative = 1.5
+    """Its standard uncertainty; of vectors it must be given [deg]"""
 
 
 class Evaluation(Table):
@@ -88,9 +103,9 @@ class Evaluation(Table):
     smoothing: bool | None = None
     """This project's adaptive smoothing; absent: yes of pictures, no of vectors"""
     pairing: Literal["1-2,2-3", "1-2,3-4"] | None = None
-    """Of pictures: each with the next, or taken in pairs"""
+    """Of pictures: each with the next, or taken in pairs, which needs interval_s"""
     interval_s: Positive | None = None
-    """Between the two exposures of a vector field; absent for pairing "1-2,2-3" [s]"""
+    """Between two exposures; of vectors and of pairing "1-2,3-4", which need it [s]"""
     every: Annotated[int, Field(ge=1)] = 1
     """Correlate one pair of so many"""
     preprocess: str = ""
@@ -119,17 +134,11 @@ class Dpiv(Table):
     files: str | tuple[str, ...]
     """A pattern or a list of paths, relative to this file; vectors are one file"""
     frame_rate_hz: Positive
-    """Pictures per second; pairs of pairing "1-2,3-4", fields of vectors [Hz]"""
+    """Pictures per second; of pairing "1-2,3-4" pairs, of vectors fields per second [Hz]"""
     start: Start | Literal["from motion"]
     """{ at_s = …, std_s = … } of the first picture, or of pictures "from motion": they show it"""
-    scale: Scale
-    """How large a pixel is"""
-    axes: Axes
-    """Directions and place of the pictures' axes"""
     finger_geometry: Literal["measured", "nominal"]
-    """ "measured": the states are of this finger; "nominal": of the drawing, whose bands count"""
-    piv: Evaluation
-    """How pictures are, or vectors were correlated"""
+    """ "measured": FEA of this very finger; "nominal": of its drawing, so that its bands count"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
     """What is done with coloured pictures"""
     finger_length_std_mm: NotNegative | None = None
@@ -138,18 +147,14 @@ class Dpiv(Table):
     """Of pictures: how much of the finger, from its root on, a holder or a shadow hides [mm]"""
     light_from_deg: float | None = None
     """Of pictures lit from one side: whence, counter-clockwise from the right [deg]"""
+    scale: Scale
+    """How large a pixel is"""
+    axes: Axes
+    """Directions and place of the pictures' axes"""
+    piv: Evaluation
+    """How pictures are, or vectors were correlated"""
     vectors: Vectors | None = None
     """Of kind = "vectors": what the file does not say itself"""
-
-    @property
-    def name(self) -> str:
-        """Name of the data: that of its folder."""
-        return self.folder.resolve().name
-
-    @property
-    def light_from(self) -> float | None:
-        """Direction of the light, rad from the picture's x axis; None: from all sides."""
-        return None if self.light_from_deg is None else math.radians(self.light_from_deg)
 
     @property
     def interval(self) -> float:
@@ -161,6 +166,9 @@ class Dpiv(Table):
         if isinstance(self.files, str):
             return str(self.folder / self.files)
         return [str(self.folder / name) for name in self.files]
+
+
+KEYS = list(keys_of(Dpiv, without=frozenset({"folder"})))
 
 
 def read_dpiv(path: Path) -> Dpiv:
@@ -181,8 +189,8 @@ def read_dpiv(path: Path) -> Dpiv:
         dpiv = Dpiv(**table, folder=path.parent)
     except ValidationError as error:
         for one in error.errors():
-            parts = (part for part in one["loc"] if not isinstance(part, str) or _is_key(part))
-            place = tuple(parts)
+            # without the names of the types that a key may have
+            place = tuple(p for p in one["loc"] if not isinstance(p, str) or _is_key(p))
             if one["type"] == "missing":
                 missing.insert(0, ".".join(part for part in place if isinstance(part, str)))
             else:
@@ -193,51 +201,88 @@ def read_dpiv(path: Path) -> Dpiv:
     return dpiv
 
 
+def _is_key(part: str) -> bool:
+    return not part[:1].isupper() and "[" not in part
+
+
 def _asked(missing: list[str]) -> list[Key]:
     """The missing keys, of a missing table those that it must have."""
-    known = {key.name: key for key in keys_of(Dpiv, without=frozenset({"folder"}))}
-    names: dict[str, None] = {}
-    for one in missing:
-        within = [k.name for k in known.values() if k.name.startswith(f"{one}.")]
-        within = [name for name in within if known[name].default == "required"]
-        names |= dict.fromkeys(within if known[one].type == "table" else [one])
-    return [known[name] for name in names]
+    within = tuple(f"{name}." for name in missing)
+    asked = [
+        key
+        for key in KEYS
+        if key.name in missing or (key.default == MISSING and key.name.startswith(within))
+    ]
+    return [key for key in asked if key.type != "table"]
 
 
 def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     """Keys that pictures or vectors need as well, and sentences on what contradicts its kind."""
-    of = {name: part if isinstance(part := table.get(name), dict) else {} for name in TABLES}
-    piv, axes, scale = (of[name] for name in TABLES)
-    pairing, ways = piv.get("pairing"), ("calibration" in scale) + ("scale_mm_per_px" in scale)
-    vectors, pictures = (table.get("kind") == kind for kind in ("vectors", "pictures"))
-    needed = {
-        "axes.root_mm": vectors,
-        "axes.root_std_mm": vectors,
-        "axes.turn_std_deg": vectors,
-        "piv.interval_s": vectors or (pictures and pairing == "1-2,3-4"),
-        "piv.pairing": pictures,
-        "finger_length_std_mm": pictures,
-        "axes.root_px": pictures,
-        "scale.scale_mm_per_px": vectors or ways == 0,
-    }
-    given = {*table, *(f"{name}.{key}" for name, part in of.items() for key in part)}
-    faults = {
-        "scale: give scale_mm_per_px or calibration": ways > 1,
-        'start cannot be "from motion" without pictures: give at_s and std_s': vectors
-        and table.get("start") == "from motion",
-        'piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it': pictures
-        and (pairing == "1-2,2-3" and "interval_s" in piv),
-        'axes.y of vectors: their series counts y upwards, state y = "up"': vectors
-        and axes.get("y") == "down",
-    } | {
-        f"{key} is not of {kind}: leave it out": table.get("kind") == kind and key in given
-        for kind, keys in OTHER.items()
-        for key in keys.split()
-    }
-    missing = [key for key, needs in needed.items() if needs and key not in given]
-    return missing, [text for text, holds in faults.items() if holds]
+    tables = {name: part for name, part in table.items() if isinstance(part, dict)}
+    given = {*table, *(f"{name}.{key}" for name, part in tables.items() for key in part)}
+    kind, pairing = str(table.get("kind")), tables.get("piv", {}).get("pairing")
+    needed = REQUIRED.get(kind, "").split()
+    if kind == "pictures" and pairing == "1-2,3-4":
+        needed.append("piv.interval_s")
+    if kind == "pictures" and "scale.calibration" in given:
+        needed.remove("scale.scale_mm_per_px")
+    wrong = [
+        f"{key} is not of {kind}: leave it out"
+        for key in OTHER.get(kind, "").split()
+        if key in given
+    ]
+    if kind == "pictures" and {"scale.scale_mm_per_px", "scale.calibration"} <= given:
+        wrong.append("scale: give scale_mm_per_px or calibration")
+    if kind == "pictures" and pairing == "1-2,2-3" and "piv.interval_s" in given:
+        wrong.append('piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it')
+    if kind == "vectors" and table.get("start") == "from motion":
+        wrong.append('start cannot be "from motion" without pictures: give at_s and std_s')
+    if kind == "vectors" and tables.get("axes", {}).get("y") == "down":
+        wrong.append('axes.y of vectors: their series counts y upwards, state y = "up"')
+    return [key for key in needed if key not in given], wrong
 
 
-def _is_key(part: str) -> bool:
-    """Not the name of one of several types that a key may have."""
-    return not part[:1].isupper() and "[" not in part
+def dpiv_template(data: Path | None) -> str:
+    """A dpiv.toml to start from: of a folder with the keys of its kind, and what its files show."""
+    seen = seen_in(data) if data else {}
+    kind = seen.get("kind", "").strip('"')
+    required, other = REQUIRED.get(kind, "").split(), tuple(OTHER.get(kind, "").split())
+    keys = [
+        replace(key, default=MISSING) if key.name in required else key
+        for key in KEYS
+        if not key.name.startswith(other)
+    ]
+    return template(keys, seen)
+
+
+def seen_in(folder: Path) -> dict[str, str]:
+    """Values of dpiv.toml by dotted name; FileNotFoundError without pictures or vectors."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    kinds = Counter(path.suffix.lower() for path in files)
+    suffix = next((s for s in ONE_FILE if kinds[s]), max(IMAGE_SUFFIXES, key=lambda s: kinds[s]))
+    if not kinds[suffix]:
+        raise FileNotFoundError(
+            f"{folder}: holds neither pictures nor vectors.h5; make that of other programs' vectors"
+            " by piv convert FILES -o vectors.h5"
+        )
+    first = next(path for path in files if path.suffix.lower() == suffix)
+    inside = first.relative_to(folder)
+    pattern = inside if suffix in ONE_FILE else inside.with_name(f"*{first.suffix}")
+    values: dict[str, object] = {
+        "format": "dpiv",
+        "format_version": VERSION,
+        "title": folder.resolve().name,
+        "files": pattern.as_posix(),
+        "kind": "vectors" if suffix in HDF5_SUFFIXES and _holds_vectors(first) else "pictures",
+    }
+    if values["kind"] == "pictures":
+        with open_recording(str(folder / pattern), colour="luma") as recording:
+            if rate := recording.attrs.get("frame_rate_hz"):
+                values["frame_rate_hz"] = float(rate)
+    return {name: toml_value(value) for name, value in values.items()}
+
+
+def _holds_vectors(path: Path) -> bool:
+    """Whether an HDF5 file is a plane series (u and v), not a recording."""
+    with open_hdf5(path) as file:
+        return "u" in file and "v" in file

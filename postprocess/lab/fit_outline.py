@@ -10,9 +10,7 @@ A frame's own deviation from the law is integrated out.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
-from functools import cached_property
 
 import numba
 import numpy as np
@@ -20,8 +18,8 @@ from scipy.special import logsumexp
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, counter_clockwise
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.registration.silhouette import (
+from postprocess.lab.pose import Pose
+from postprocess.lab.silhouette import (
     FINE_PX,
     WaterLikelihood,
     integral_image,
@@ -33,10 +31,9 @@ from postprocess.lab.registration.silhouette import (
 SIZE, GROWTH, LAW, DELAY, FACTORS = 8, 4, slice(5, 8), 6, [5, 7]
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
-LAW_POINTS = 2001  # of the law's own table
 COLD = 2e-3  # share of the evidence at the beginning
 HALF, EFFECTIVE = 14, 0.5  # chains in each half, and the share of them that a step of heat leaves
-LEAST, OUTSIDE = 0.05, -1e9  # stretch, and evidence beyond the table
+OUTSIDE = -1e9  # evidence beyond the table
 JITTER = 1e-3  # of the chains' spread at the start, in each step
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(3)  # of a frame's deviation from the law
 # range of a single frame's bend, in standard deviations, and its step, in the table's
@@ -50,7 +47,7 @@ class Frames:
     integrals: np.ndarray
     mean: float
     times: np.ndarray
-    independent: float  # share of independent frames: particles at rest stay where they are
+    independent: float  # share of independent frames: particles may stay where they are
 
 
 def prepare(
@@ -59,17 +56,23 @@ def prepare(
     evidence: WaterLikelihood,
     blind: np.ndarray | None = None,
     blur_px: float = FINE_PX,
+    independent: float = 1.0,
 ) -> Frames:
     """Evidence of frames taken at `times` (s); `blind` (frame, rows, columns): pixels left out."""
     seen = [evidence.image(image, blur_px) for image in images]
     if blind is not None:
         seen = [np.where(b, np.float32(0), f) for b, f in zip(blind, seen, strict=True)]
-    few = [f.ravel()[::3] for f in seen]
-    near = [np.corrcoef(a, b)[0, 1] for a, b in itertools.pairwise(few)]
-    common = float(np.clip(np.mean(near), 0, 0.99)) if near else 0.0
     mean = float(np.mean([f.mean() for f in seen]))
     integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in seen])
-    return Frames(integrals, mean, np.asarray(times, float), (1 - common) / (1 + common))
+    return Frames(integrals, mean, np.asarray(times, float), independent)
+
+
+def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The simulation's law, stretched: pressures (Pa) at times of the recording's clock."""
+    factor, delay, stretch = values
+    start = float(kinematics.law(kinematics.time[0]))
+    at = np.clip((np.asarray(times) - delay) / stretch, *kinematics.time)
+    return start + factor * (kinematics.law(at) - start)
 
 
 @dataclass(frozen=True)
@@ -90,17 +93,6 @@ class Shapes:
         """Pressure (Pa) between two places."""
         return float(self.pressures[1] - self.pressures[0])
 
-    @property
-    def rest(self) -> int:
-        """Place of the finger at rest, to the next whole one."""
-        start = self.kinematics.law(self.kinematics.time[0])
-        return int(np.argmin(np.abs(self.pressures - start)))
-
-    @cached_property
-    def _history(self) -> tuple[np.ndarray, np.ndarray]:
-        clock = np.linspace(*self.kinematics.time, LAW_POINTS)
-        return clock, self.places_of(self.kinematics.law(clock))
-
     def places_of(self, pressures: np.ndarray) -> np.ndarray:
         """Places of pressures (Pa)."""
         return (np.asarray(pressures) - self.pressures[0]) / self.step
@@ -118,10 +110,7 @@ class Shapes:
 
     def places(self, times: np.ndarray, laws: np.ndarray) -> np.ndarray:
         """Places (chain, frame) by start + factor (law((t - delay)/stretch) - start)."""
-        factor, delay, stretch = laws.T[:, :, None]
-        clock, history = self._history
-        at = np.interp((times - delay) / np.maximum(stretch, LEAST), clock, history)
-        return history[0] + factor * (at - history[0])
+        return self.places_of(law_pressure(self.kinematics, times, laws.T[:, :, None]))
 
     def scores(self, frames: Frames, states: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Evidence (chain, frame) of states (chain, 8) at `places` (chain, frame).

@@ -1,4 +1,4 @@
-"""Figures of a comparison with a laboratory: time series, motion and registration."""
+"""Figures of a comparison with a laboratory: time series, motion and flow."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from fileio.formats.kinematics import Kinematics
 from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
 from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure
-from postprocess.lab.data.files import Registration
-from postprocess.lab.data.pose import Pose
-from postprocess.lab.judgement.case import Sides
-from postprocess.lab.registration.register import law_pressure
+from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.pose import Pose
+from postprocess.lab.register import Registration
+from postprocess.lab.virtual_experiment import Sides
 
 COLOUR = {"data": LAB, "virtual": PIV, "direct": CFD}
 NAME = {"data": "laboratory (DPIV)", "virtual": "simulation, seen by the same PIV"}
@@ -59,24 +59,6 @@ def motion(kinematics: Kinematics, registration: Registration) -> Figure:
     ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °")
     ax.set_title(f"Motion of the finger ({found})")
     ax.legend(loc="best")
-    return figure
-
-
-def overlay(picture: np.ndarray, fitted: np.ndarray, simulated: np.ndarray) -> Figure:
-    """A picture of the recording with the fitted and the simulated outline (px, y up)."""
-    rows, columns = picture.shape
-    figure, ax = new_figure(7.6, 7.6 * rows / columns + 0.5)
-    bright = float(np.percentile(picture, 99.5))
-    ax.imshow(picture[::-1], "gray", origin="lower", vmax=bright, interpolation="nearest")
-    for outline, name, colour in (
-        (fitted, "recording, fitted", "#27c267"),
-        (simulated, "simulation", "#ff8c42"),
-    ):
-        ax.plot(*np.vstack([outline, outline[:1]]).T, color=colour, lw=1.4, label=name)
-    ax.grid(False)
-    ax.set(xlabel="px", ylabel="px", xlim=(0, columns), ylim=(0, rows))
-    ax.set_title("The finger found in the picture")
-    ax.legend(loc="lower right", facecolor="white", frameon=True)
     return figure
 
 

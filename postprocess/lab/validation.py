@@ -1,4 +1,4 @@
-"""Validation after ASME V&V 20: comparison error E = S − D against its uncertainty u_val.
+"""Validation after ASME V&V 20: comparison error E = S − D, its uncertainty u_val, the verdict.
 
 The flow's S is the nominal run plus what the finer runs change, at the recording's own motion.
 E estimates the model's error within ± k u_val, u_val² = Σ u² over numerics, inputs and data.
@@ -6,17 +6,20 @@ E estimates the model's error within ± k u_val, u_val² = Σ u² over numerics,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2
+from scipy.special import chndtrinc
+from scipy.stats import chi2
 
 LEVEL = 0.95
 KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
 AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
-POSTERIOR = "posterior of the registration"
 DIFFERS = "differs within the inputs"  # beyond the data's uncertainty, within the inputs'
+MOTION = ("final_bend", "duration")  # what the silhouette shows
+TOO_UNCERTAIN = 0.3  # of a quantity: where an error of this size could hide, nothing is said
+POSTERIOR = "posterior of the registration"
 
 
 @dataclass(frozen=True)
@@ -71,25 +74,25 @@ class ValidatedQuantity:
         """The source with the largest part of u_val²."""
         return max(self.sources, key=lambda s: float(np.sum(s.std**2)))
 
-    def verdict(self, too_uncertain: float, level: float = LEVEL) -> str:
-        """`ERROR`, `AGREES`, or `UNCERTAIN` where an error of `too_uncertain` could hide."""
-        if self.significance() > coverage_factor(self.error.size, level):
-            return ERROR
-        return AGREES if self.detectable(level) <= too_uncertain * self.scale else UNCERTAIN
-
     def detectable(self, level: float = LEVEL) -> float:
         """The smallest error of the worst component that the verdict finds with 95 %."""
         return float(detectable_factor(self.error.size, level) * np.max(self.u_val))
 
-    def differs(self, level: float = LEVEL) -> bool:
-        """Whether E is beyond the data's uncertainty, whatever the inputs may be."""
-        of_data = np.maximum(self.u_kind("data"), 1e-30)
-        size = float(np.sqrt(np.sum((self.error / of_data) ** 2)))
-        return size > coverage_factor(self.error.size, level)
+    def significance(self, u: np.ndarray | None = None) -> float:
+        """|E|/u_val, or of E over another uncertainty `u`, over all components."""
+        return float(np.linalg.norm(self.error / np.maximum(self.u_val if u is None else u, 1e-30)))
 
-    def significance(self) -> float:
-        """|E|/u_val, over all components."""
-        return float(np.sqrt(np.sum((self.error / self.u_val) ** 2)))
+    def verdict(self, level: float = LEVEL) -> str:
+        """`ERROR`, `AGREES`, or `UNCERTAIN` where an error of `TOO_UNCERTAIN` could hide.
+
+        A motion that differs by more than the data leave open never agrees: `DIFFERS`.
+        """
+        limit = coverage_factor(self.error.size, level)
+        if self.significance() > limit:
+            return ERROR
+        if self.name in MOTION and self.significance(self.u_kind("data")) > limit:
+            return DIFFERS
+        return AGREES if self.detectable(level) <= TOO_UNCERTAIN * self.scale else UNCERTAIN
 
 
 def coverage_factor(components: int, level: float = LEVEL) -> float:
@@ -100,10 +103,39 @@ def coverage_factor(components: int, level: float = LEVEL) -> float:
 def detectable_factor(components: int, level: float = LEVEL) -> float:
     """Model error over u_val that is found with probability `LEVEL` (1 component: 3.60)."""
     limit = coverage_factor(components, level) ** 2
-    missed = lambda d: float(ncx2.cdf(limit, components, d**2)) - (1 - LEVEL)  # noqa: E731
-    return float(brentq(missed, 1e-6, np.sqrt(limit) + 10))
+    return float(np.sqrt(chndtrinc(limit, components, 1 - LEVEL)))
 
 
 def joint_level(quantities: int) -> float:
     """Level of each of so many tests at which all hold with probability `LEVEL` (Šidák)."""
     return LEVEL ** (1 / quantities)
+
+
+def judged(q: ValidatedQuantity, level: float = LEVEL) -> dict[str, Any]:
+    """A quantity with its verdict, as comparison.json has it."""
+    return {
+        **asdict(q),
+        "error": q.error,
+        "u_val": q.u_val,
+        "k": coverage_factor(q.error.size, level),
+        **{symbol: q.u_kind(kind) for kind, symbol in KINDS.items()},
+        "significance": q.significance(),
+        "verdict": q.verdict(level),
+        "detectable": q.detectable(level),
+        "dominant": q.dominant.name,
+    }
+
+
+def verdicts(rows: list[dict[str, Any]]) -> dict[str, str | None]:
+    """The verdict on the whole, on the motion and on the flow; None where not tested.
+
+    A flow agrees only where its circulation is decided.
+    """
+    motion = [q["verdict"] for q in rows if q["name"] in MOTION]
+    words = {q["name"]: q["verdict"] for q in rows if q["name"] not in MOTION}
+    flow = ERROR if ERROR in words.values() else words.get("circulation")
+    return {"verdict": _worst([*motion, flow]), "motion": _worst(motion), "flow": flow}
+
+
+def _worst(words: list[str | None]) -> str | None:
+    return next((word for word in (ERROR, DIFFERS, UNCERTAIN, AGREES) if word in words), None)

@@ -1,1 +1,0 @@
-"""What a laboratory gives: dpiv.toml, pictures, vectors."""

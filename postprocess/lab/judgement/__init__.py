@@ -1,1 +1,0 @@
-"""Comparison error against uncertainty, and the verdict."""

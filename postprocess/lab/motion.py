@@ -1,0 +1,206 @@
+"""The finger's motion, simulated and recorded, and what other runs change of it.
+
+Bend and duration are quantities of the comparison; the flow is judged at the recording's motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
+
+from fileio.errors import StageError
+from fileio.formats.kinematics import Kinematics
+from fileio.formats.plane_series import usable
+from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.inputs_toml import Finer, Input
+from postprocess.lab.register import Registration
+from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
+from postprocess.lab.virtual_experiment import Sides
+
+QUANTITIES = (
+    ("final_bend", "bend angle at the end", "rad"),
+    ("duration", "duration of the stroke", "s"),
+)
+PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
+# Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
+# shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
+CLEARLY = 1.25
+STEP = 1e-3  # s, over which the outline's velocity is taken
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one run beside the nominal one changes.
+
+    `bend` (rad) and `duration` (s): of the motion. `table`: change of `flow.COLUMNS` at each
+    instant; None where the flow is not compared. `share` of the change by which the recording's
+    motion differs, and its `share_std` by the registration; None where this is not known.
+    """
+
+    of: Input | Finer
+    bend: float
+    duration: float
+    table: pd.DataFrame | None = None
+    share: float | None = None
+    share_std: float = 0.0
+
+    def moves(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
+        """Mean change of `columns` over the instants `rows`, (component,)."""
+        assert self.table is not None
+        return self.table.loc[rows, list(columns)].mean().to_numpy(float)
+
+    def std(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
+        """Standard uncertainty of the mean of `columns` over the instants `rows`, (component,).
+
+        By the change's RMS: where its sign changes, its mean is no small error.
+        """
+        assert self.table is not None
+        change = self.table.loc[rows, list(columns)].to_numpy(float)
+        return self.of.per_change * np.sqrt(np.mean(change**2, axis=0))
+
+
+@dataclass(frozen=True)
+class Case:
+    """Motions of both sides, their flows (None: not compared), and the effects of the runs."""
+
+    kinematics: Kinematics
+    registration: Registration
+    bend_std: float  # rad, of the FEA at the end of the stroke; 0: its bands do not count
+    flow: Sides | None = None
+    effects: list[Effect] = field(default_factory=list)
+
+    @property
+    def finer(self) -> list[Effect]:
+        """The runs of finer numerics: what they change is added to the simulation."""
+        return [e for e in self.effects if e.of.kind == "numerical"]
+
+    @property
+    def of_motion(self) -> list[Effect]:
+        """The runs that tell what the recording's own motion changes."""
+        return [e for e in self.effects if e.share is not None]
+
+
+def final_bend(kinematics: Kinematics, factor: float = 1.0) -> float:
+    """Bend angle (rad) at the end of the simulation's law, its change multiplied by a factor."""
+    start, end = (float(kinematics.law(t)) for t in kinematics.time)
+    return float(kinematics.shape("bend", start + factor * (end - start)))
+
+
+def stroke_duration(kinematics: Kinematics) -> float:
+    """Time (s) from 5 to 95 % of the simulation's change of bend."""
+    times = np.linspace(*kinematics.time, 801)
+    bend = kinematics.bend(kinematics.law(times))
+    done = np.maximum.accumulate(np.abs(bend - bend[0])) / np.abs(bend - bend[0]).max()
+    first, last = (float(times[np.argmax(done >= part)]) for part in PARTS)
+    return last - first
+
+
+def effect_of(of: Input | Finer, nominal: Kinematics, run: Kinematics) -> Effect:
+    """What a run changes of the motion: factor and stretch of its law against the nominal one."""
+    times = np.linspace(*nominal.time, 201)
+    wanted, scale = run.law(times), nominal.high - nominal.low
+    fit = least_squares(
+        lambda values: (law_pressure(nominal, times, values) - wanted) / scale,
+        (1.0, 0.0, 1.0),
+        x_scale=(0.01, 0.001, 0.01),
+    )
+    factor, _, stretch = (float(value) for value in fit.x)
+    bend = final_bend(nominal, factor) - final_bend(nominal)
+    return Effect(of, bend, stroke_duration(nominal) * (stretch - 1))
+
+
+def _motions(case: Case) -> np.ndarray:
+    """Final bend (rad) and duration (s): simulated, recorded, standard uncertainty; (2, 3)."""
+    law, kinematics = case.registration.law, case.kinematics
+    factor, _, stretch = law.values
+    seen, lasts = final_bend(kinematics, factor), stroke_duration(kinematics)
+    slope = abs(final_bend(kinematics, factor + 0.01) - seen) / 0.01
+    return np.array(
+        [
+            [final_bend(kinematics), seen, slope * law.std("factor")],
+            [lasts, lasts * stretch, lasts * law.std("stretch")],
+        ]
+    )
+
+
+def at_recorded_motion(case: Case) -> Case:
+    """The case with the recording's bend and duration in changes of the runs of pressure and time.
+
+    The flow goes with the bend, and with the speed, the inverse of the duration. As it is where the
+    motion was not seen, or those runs were not made.
+    """
+    named = {e.of.name: e for e in case.effects}
+    if case.registration.times.size == 0 or not {"pressure", "duration"} <= set(named):
+        return case
+    (bend, bend_seen, bend_std), (lasts, lasts_seen, lasts_std) = _motions(case)
+    slower = lasts / (lasts + named["duration"].duration) - 1
+    for name, seen, std, change in (
+        ("pressure", bend_seen - bend, bend_std, named["pressure"].bend),
+        ("duration", lasts / lasts_seen - 1, lasts * lasts_std / lasts_seen**2, slower),
+    ):
+        named[name] = replace(named[name], share=seen / change, share_std=std / abs(change))
+    return replace(case, effects=list(named.values()))
+
+
+def motion_quantities(case: Case) -> list[ValidatedQuantity]:
+    """Final bend angle and duration of the stroke; none where the recording does not show them."""
+    if case.registration.times.size == 0:
+        return []
+    inputs, out = [e for e in case.effects if e.of.kind == "input"], []
+    motions = zip(QUANTITIES, _motions(case), strict=True)
+    for (name, label, unit), (simulated, seen, std) in motions:
+        sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
+        for e in inputs:
+            change = e.bend if name == "final_bend" else e.duration
+            part = np.array([abs(change) * e.of.per_change])
+            sources.append(Source(e.of.name, "input", part, e.of.how))
+        if case.bend_std and name == "final_bend":
+            band = np.array([case.bend_std])
+            sources.append(Source("geometry and material", "input", band, "FEA's band"))
+        both = np.array([simulated]), np.array([seen])
+        out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
+    return out
+
+
+def clock_ratio(case: Case, sides: Sides) -> float:
+    """Speed of the recording's water within a window of the finger over that of its silhouettes.
+
+    Relative to the same of the virtual experiment, in which boundary layer and window are alike.
+    Of vectors that both have beside both fingers: where these lie apart, one hides the other's.
+    """
+    law, planes = case.registration.law.values, (sides.data, sides.virtual)
+    grid = np.stack(np.meshgrid(sides.data["x"].values, sides.data["y"].values), axis=-1)
+    beside = np.logical_and(*(usable(plane).values for plane in planes))
+    walls = []
+    for plane, values in zip(planes, (law, np.array([1.0, law[1], 1.0])), strict=True):
+        ends = plane["time"].values + law[1] + STEP * np.array([[-0.5], [0.0], [0.5]])
+        shapes = case.kinematics.shape("outline", law_pressure(case.kinematics, ends, values))
+        before, now, after = case.registration.pose.to_camera(shapes)
+        found = [cKDTree(outline).query(grid) for outline in now]
+        beside &= np.array([away for away, _ in found]) < sides.window_m
+        speed = zip((after - before) / STEP, found, strict=True)
+        walls.append(np.array([each[nearest] for each, (_, nearest) in speed]))
+    slopes = []
+    for plane, wall in zip(planes, walls, strict=True):
+        water = np.stack([plane["u"].values, plane["v"].values], axis=-1)[beside]
+        slopes.append(np.sum(water * wall[beside]) / max(np.sum(wall[beside] ** 2), 1e-30))
+    return float(slopes[0] / slopes[1]) if slopes[1] else np.nan
+
+
+def check_clock(case: Case, sides: Sides, path: Path) -> None:
+    """StageError that names the keys of `path` where the water contradicts the silhouettes."""
+    if case.registration.times.size == 0:
+        return
+    ratio = clock_ratio(case, sides)
+    if np.isfinite(ratio) and not 1 / CLEARLY < ratio < CLEARLY:
+        raise StageError(
+            f"the water beside the finger moves about {ratio:.2g} times as fast as the"
+            " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
+            " pairs per second) or piv.interval_s is wrong by about this factor; correct it in"
+            f" {path}"
+        )

@@ -1,0 +1,178 @@
+"""The page of a comparison with a laboratory: its answers in words, its table, its figures."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fileio.atomic import write_bytes, write_text
+from postprocess.draw.animation import write_picture
+from postprocess.draw.style import save
+from postprocess.lab import draw
+from postprocess.lab.check_fit import GREEN, ORANGE, outlined
+from postprocess.lab.dpiv_toml import Dpiv
+from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.motion import Case
+from postprocess.lab.recorded import LabRecording
+from postprocess.lab.validation import AGREES, DIFFERS, ERROR, MOTION, TOO_UNCERTAIN, UNCERTAIN
+from postprocess.report.page_template import page_template
+from postprocess.words import NBSP, pair, size
+
+Quantity = dict[str, Any]
+WORDS = {
+    AGREES: "yes",
+    ERROR: "no",
+    UNCERTAIN: "cannot be said",
+    DIFFERS: "no, but within what is known of the inputs",
+    None: "not tested",
+}
+TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
+
+
+def make_report(
+    lab: Path,
+    title: str,
+    dpiv: Dpiv,
+    case: Case,
+    result: dict[str, Any],
+    series: pd.DataFrame | None,
+) -> Path:
+    """Write figures and report.html, or quick.html without a `series` of the flow, to `lab`."""
+    path = lab / ("quick.html" if series is None else "report.html")
+    write_text(path, page(title, result, _figures(lab / "figures", dpiv, case, result, series)))
+    return path
+
+
+def page(title: str, result: dict[str, Any], pictures: dict[Path, str]) -> str:
+    """The page of a comparison; `pictures`: alternative text by file."""
+    return page_template("lab.html").render(
+        title=title,
+        result=result,
+        answer=answer(result),
+        pair=pair,
+        size=size,
+        relative=_relative,
+        pictures={path.stem: (_address(path), alt) for path, alt in pictures.items()},
+        registration=result["registration"],
+        too_uncertain=TOO_UNCERTAIN,
+        pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),
+    )
+
+
+def _address(path: Path) -> str:
+    return f"data:image/{TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def _figures(
+    folder: Path, dpiv: Dpiv, case: Case, result: dict[str, Any], series: pd.DataFrame | None
+) -> dict[Path, str]:
+    """Draws all figures; their alternative texts."""
+    kinematics, registration = case.kinematics, case.registration
+    law, pose, out = registration.law, registration.pose, {}
+    tight: dict[str, Any] = {"bbox_inches": "tight"}
+    if series is not None and case.flow is not None:
+        circulation = next(q for q in result["quantities"] if q["name"] == "circulation")
+        path = save(draw.series(series, circulation), folder / "series.svg", **tight)
+        out[path] = "Circulation over time with 95 % bands"
+        path = folder / "flow.webp"
+        middle = float(np.mean(circulation["window"]))
+        write_picture(draw.flow(case.flow, series, pose, middle), path, quality=85)
+        out[path] = "Vectors of the recording beside the simulation's"
+    path = save(draw.motion(kinematics, registration), folder / "motion.svg", **tight)
+    out[path] = "Bend angle over time, simulation and recording"
+    if dpiv.kind == "pictures":
+        with LabRecording(dpiv) as recording:
+            middle_one = len(recording) // 2
+            picture, time = recording.frame(middle_one), recording.times[middle_one]
+        both = law_pressure(kinematics, time, law.values), kinematics.law(time - law.delay)
+        fitted, simulated = (pose.to_px(kinematics.shape("outline", p)) for p in both)
+        path = folder / "picture.png"
+        write_bytes(path, outlined(picture, [(fitted, GREEN), (simulated, ORANGE)]))
+        out[path] = "A picture of the recording with the outline as fitted and as simulated"
+    return out
+
+
+def answer(result: dict[str, Any]) -> str:
+    """The page's first sentences on motion and flow, their evidence, and what is to blame."""
+    motion = [q for q in result["quantities"] if q["name"] in MOTION]
+    flow = [q for q in result["quantities"] if q["name"] not in MOTION]
+    moves, wrong = result["motion"], [q for q in flow if q["verdict"] == ERROR]
+    parts = [f"Motion: {WORDS[moves]}. Flow: {WORDS[result['flow']]}."]
+    if moves is None:
+        parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
+    parts += [_evidence(motion), _evidence(flow)]
+    if moves in (ERROR, DIFFERS):
+        parts.append(_cause_of_motion(moves, result["registration"]))
+    if wrong:
+        parts.append(_blame_of_flow(moves, wrong))
+    if flow and (missing := result["missing_runs"]):
+        lacks = " and ".join(name for name in missing if name in ("grid", "time_step"))
+        added = f", and S lacks what {lacks} would change" if lacks else ""
+        parts.append(
+            f"Not in u_val, because these runs were not made: {', '.join(missing)}{added};"
+            " differences are judged too strictly."
+        )
+    return " ".join(part for part in parts if part)
+
+
+def _evidence(quantities: list[Quantity]) -> str:
+    """What differs, and by how much; else what is undecided, and which error would be found."""
+    differs = [q for q in quantities if q["verdict"] in (ERROR, DIFFERS)]
+    wide = [q for q in quantities if q["verdict"] == UNCERTAIN]
+    if differs:
+        text = "; ".join(f"{q['label']}: {_difference(q)}" for q in differs)
+        return f"{text[:1].upper()}{text[1:]}."
+    if wide:
+        text = ", ".join(
+            f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
+            for q in wide
+        )
+        return f"An error of {TOO_UNCERTAIN:.0%} would not be seen: {text}."
+    return ""
+
+
+def _difference(q: Quantity) -> str:
+    """How a quantity differs, in words."""
+    off = f"{size(q['error'], q['unit'])} ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})"
+    band, seen = (f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D"))
+    if q["verdict"] == DIFFERS:
+        return f"differs by {off}, known to {seen}, which the inputs' uncertainty allows ({band})"
+    what = "the motion differs by" if q["name"] in MOTION else "model error of"
+    return f"{what} about {off}, known to {band}"
+
+
+def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
+    """How the recording's finger moves, and what to correct."""
+    factor, stretch = (
+        f"{registration[name]:.3f} ±{NBSP}{1.96 * registration[f'{name}_std']:.3f}"
+        for name in ("pressure_factor", "stretch")
+    )
+    blame = "The motion is to blame: the" if moves == ERROR else "The"
+    return (
+        f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
+        " times as long. Correct motion.strokes of the scene, or frame_rate_hz of dpiv.toml."
+    )
+
+
+def _blame_of_flow(moves: str | None, wrong: list[Quantity]) -> str:
+    """The cause of a flow that differs in the quantities `wrong`."""
+    if moves is None:
+        return "The flow model is to blame, or a motion other than the simulated one."
+    if moves == AGREES or any(q["explained"] is not None for q in wrong):
+        return "The flow differs at the recording's own motion: the flow model is to blame."
+    return (
+        "Whether motion or flow model is to blame is not known: the motion's effect on the flow"
+        " needs the runs pressure and duration."
+    )
+
+
+def _relative(q: Quantity) -> str:
+    """The smallest error that is found with 95 %, in per cent of the quantity; a place's in mm."""
+    if np.size(q["error"]) > 1 or not q["scale"]:
+        return size(q["detectable"], q["unit"])
+    return f"{100 * q['detectable'] / abs(q['scale']):.0f}{NBSP}%"

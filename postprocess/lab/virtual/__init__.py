@@ -1,1 +1,0 @@
-"""The simulation seen through the laboratory's camera and PIV."""
