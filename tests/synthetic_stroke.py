@@ -71,12 +71,9 @@ def finger_shape(bend: float, points: int = 60) -> dict[str, np.ndarray]:
     ventral = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     line = np.stack([x, y], axis=-1)
     half = ventral * THICKNESS / 2
-    return {
-        "outline": np.concatenate([line + half, (line - half)[::-1]]),
-        "tip": line[-1],
-        "tip_direction": np.array([np.sin(bend), -np.cos(bend)]),
-        "dorsal_direction": -ventral[-1],
-    }
+    tip = {"tip": line[-1], "tip_direction": np.array([np.sin(bend), -np.cos(bend)])}
+    tip |= {"dorsal_direction": -ventral[-1]}
+    return {"outline": np.concatenate([line + half, (line - half)[::-1]])} | tip
 
 
 def finger_series(bend: np.ndarray) -> dict[str, np.ndarray]:
@@ -94,12 +91,8 @@ def true_vortex(time: np.ndarray, bend_end: float) -> dict[str, np.ndarray]:
     offset = 0.010 + 0.004 * grown
     centre = finger["tip"][:, 0] + 0.003 * finger["tip_direction"][:, 0]
     centre = centre + offset[:, None] * finger["dorsal_direction"][:, 0] * np.sign(bend_end)
-    return {
-        "circulation": -np.sign(bend_end) * 6e-3 * grown,
-        "x": centre[:, 0],
-        "y": centre[:, 1],
-        "core_radius": 0.004 + 0.004 * grown,
-    }
+    own = {"circulation": -np.sign(bend_end) * 6e-3 * grown, "core_radius": 0.004 * (1 + grown)}
+    return own | {"x": centre[:, 0], "y": centre[:, 1]}
 
 
 def stroke_plane(

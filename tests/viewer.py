@@ -84,6 +84,5 @@ def polygon(browser, corners):
 
 def key(browser, name, code):
     for kind in ("keyDown", "keyUp"):
-        browser.devtools(
-            "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code
-        )
+        event = {"type": kind, "key": name, "code": name, "windowsVirtualKeyCode": code}
+        browser.devtools("Input.dispatchKeyEvent", **event)

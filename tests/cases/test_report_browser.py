@@ -224,9 +224,7 @@ def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
 
 def test_dark_mode_keeps_pictures_on_white(browser):
     colour_scheme(browser, "dark")
-    body, picture = (
-        browser.run(f"return getComputedStyle({element}).backgroundColor")
-        for element in ("document.body", "document.querySelector('figure img')")
-    )
+    style, elements = "return getComputedStyle({}).backgroundColor", ("body", "figure img")
+    body, picture = (browser.run(style.format(f"document.querySelector('{e}')")) for e in elements)
     assert max(int(part) for part in body[4:-1].split(",")) < 64
     assert picture == "rgb(255, 255, 255)"

@@ -78,9 +78,8 @@ def test_scene_keys_reach_the_numbers(tmp_path):
         "density": "1025", "viscosity": "2e-06", "simulationType": "LES", "timeScheme": "Euler",
         "outerCorrectors": "3", "sheetType": "symmetryPlane",
     }.items()  # fmt: skip
-    coupled = scene.model_copy(
-        update={"motion": scene.motion.model_copy(update={"source": "structure"})}
-    )
+    motion = scene.motion.model_copy(update={"source": "structure"})
+    coupled = scene.model_copy(update={"motion": motion})
     every_step = numbers(coupled, WHOLE, WHOLE.end, -0.15)
     assert {k for k in entries if every_step[k] != entries[k]} == {"wallInterval"}
     assert every_step["wallInterval"] == "1"

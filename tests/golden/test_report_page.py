@@ -252,10 +252,8 @@ def test_a_made_up_pinch_is_judged_by_its_pair(pinched):
 def test_what_needs_the_single_finger_is_not_judged_without_it(pinched):
     check = next(c for c in result(pinched)["checks"] if c["id"] == "pair-forward")
     assert check["met"] is None
-    assert check["notes"] == [
-        "the single finger at level coarse was not run as it is, so nothing is compared with it:"
-        " make single_finger LEVEL=coarse"
-    ]
+    told = "the single finger at level coarse was not run as it is, so nothing is compared with it"
+    assert check["notes"] == [f"{told}: make single_finger LEVEL=coarse"]
 
 
 def test_the_page_of_a_pinch_shows_both_fingers(pinched):

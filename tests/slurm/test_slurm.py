@@ -44,9 +44,8 @@ two_ranks, draft, run, 2, , , , 0.02,
 edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
 """
 # this Slurm keeps no accounts with the states of jobs
-FLAGS = (
-    "--latency-wait 30 --slurm-status-command squeue --slurm-init-seconds-before-status-checks 10"
-)
+FLAGS = "--latency-wait 30 --slurm-status-command squeue"
+FLAGS += " --slurm-init-seconds-before-status-checks 10"
 # Cells for two ranks, and minutes of the solver; images and PIV are small.
 LONG = """
 [levels.draft]

@@ -83,9 +83,8 @@ def main() -> None:
         film(Path(place) / "run")
         text = session(browser, Path(place), Path("docs"))
     value = float(re.search(r"circulation (\S+)", text)[1])  # type: ignore[index]
-    print(
-        f"{text}; exact {GAMMA} m²/s ({value / GAMMA - 1:+.1%}); {time.monotonic() - begin:.0f} s"
-    )
+    error, took = value / GAMMA - 1, time.monotonic() - begin
+    print(f"{text}; exact {GAMMA} m²/s ({error:+.1%}); {took:.0f} s")
 
 
 if __name__ == "__main__":

@@ -14,9 +14,8 @@ MU = 1e5
 BULK = 5000 * MU
 NEO_HOOKE = Material(law="neo_hooke", parameters={"mu": MU}, bulk=BULK)
 # In plane strain I1 = I2, so that Mooney–Rivlin is neo-Hooke with μ = 2 (C10 + C01).
-MOONEY_RIVLIN = Material(
-    law="mooney_rivlin", parameters={"C10": 0.4 * MU, "C01": 0.1 * MU}, bulk=BULK
-)
+C10_C01 = {"C10": 0.4 * MU, "C01": 0.1 * MU}
+MOONEY_RIVLIN = Material(law="mooney_rivlin", parameters=C10_C01, bulk=BULK)
 
 
 def box(cells, size):

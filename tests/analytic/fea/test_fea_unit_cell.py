@@ -26,9 +26,8 @@ def test_stiffness_is_the_derivative_of_the_residual():
     forward, backward = (cell.residual(State(5e3, unknowns + sign * way))[0] for sign in (1, -1))
     difference = (forward - backward)[cell.free] / 2
     # central differences of 1e-9 m leave some 1e-6 of rounding
-    np.testing.assert_allclose(
-        (matrix @ way)[cell.free], difference, atol=1e-5 * np.abs(difference).max()
-    )
+    small = 1e-5 * np.abs(difference).max()
+    np.testing.assert_allclose((matrix @ way)[cell.free], difference, atol=small)
     assert np.abs(force).max() > 0
 
 

@@ -169,7 +169,6 @@ def stage_boundary(stage, number):
 
 
 def test_a_support_that_touches_the_finger_is_refused(tmp_path):
-    with pytest.raises(
-        StageError, match=r"support.bottom = 0.2455 m leaves 0.\d+ mm above the finger.*raise it"
-    ):
+    words = r"support.bottom = 0.2455 m leaves 0.\d+ mm above the finger.*raise it"
+    with pytest.raises(StageError, match=words):
         meshed(tmp_path / "low", more=SUPPORT.replace("0.25", "0.2455"))

@@ -27,10 +27,8 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
         mask = (file["mask"][0] | file["mask"][1]).astype(bool)
     pair = correlate_pair(a, b, mask=mask)
     scale = camera.pixel
-    u, v = (
-        np.where(pair["valid"].values != 0, pair[n].values * scale * camera.frame_rate_hz, np.nan)
-        for n in ("u", "v")
-    )
+    rate, valid = scale * camera.frame_rate_hz, pair["valid"].values != 0
+    u, v = (np.where(valid, pair[n].values * rate, np.nan) for n in ("u", "v"))
     x, y = ((pair[n].values - o) * scale for n, o in zip(("x", "y"), (200.0, 250.0), strict=True))
     seen = find_vortices(make_plane(x, y, u, v))[0]
     with read_plane(tmp_path / "images_truth.h5") as truth:

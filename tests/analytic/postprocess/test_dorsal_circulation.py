@@ -21,9 +21,8 @@ def found(*vortices, body=(0.05, 0.22), radius=0.004, rate=0.0) -> pd.Series:
     """
     x, y = AXIS, AXIS + 0.17
     grid = np.meshgrid(x, y)
-    velocity = sum(
-        (np.array(lamb_oseen(*grid, *vortex)) for vortex in vortices), np.zeros((2, *grid[0].shape))
-    )
+    still = np.zeros((2, *grid[0].shape))
+    velocity = sum((np.array(lamb_oseen(*grid, *vortex)) for vortex in vortices), still)
     wet = np.hypot(grid[0] - body[0], grid[1] - body[1]) > radius
     circle = radius * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
     of_finger = {

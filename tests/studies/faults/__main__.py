@@ -28,9 +28,8 @@ def main() -> int:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         at = campaign.Campaign(Path(folder))
-        for row in chain(
-            campaign.of_processes(at, chosen, args.kills, args.seed), campaign.of_files(at, chosen)
-        ):
+        processes = campaign.of_processes(at, chosen, args.kills, args.seed)
+        for row in chain(processes, campaign.of_files(at, chosen)):
             rows.append(row)
             print("; ".join(map(str, row.values())), flush=True)
     if not args.stages:

@@ -42,9 +42,8 @@ class TurbulentPlane:
         ky, kx = (2 * np.pi * np.fft.fftfreq(n) for n in DOMAIN)
         kx, ky = np.meshgrid(kx, ky)
         kappa = np.hypot(kx, ky)
-        solenoidal, free, normal = (
-            np.sqrt(p) * np.fft.fft2(rng.normal(size=DOMAIN)) for p in plane_spectra(kappa)
-        )
+        parts = (np.sqrt(p) * np.fft.fft2(rng.normal(size=DOMAIN)) for p in plane_spectra(kappa))
+        solenoidal, free, normal = parts
         cos, sin = (np.divide(k, kappa, out=np.zeros_like(k), where=kappa > 0) for k in (kx, ky))
         u, v = 1j * (cos * free - sin * solenoidal), 1j * (sin * free + cos * solenoidal)
         fields = [np.fft.ifft2(f).real for f in (u, v, normal)]
@@ -55,7 +54,5 @@ class TurbulentPlane:
     def __call__(self, x, y, components: int = 2):
         """Displacement at (x, y), px: two components, or three with the one out of the plane."""
         at = np.stack([np.asarray(y, float) + 100, np.asarray(x, float) + 100])
-        return tuple(
-            map_coordinates(f, at, order=3, prefilter=False, mode="grid-wrap")
-            for f in self._splines[:components]
-        )
+        way = {"order": 3, "prefilter": False, "mode": "grid-wrap"}
+        return tuple(map_coordinates(f, at, **way) for f in self._splines[:components])

@@ -20,9 +20,8 @@ from postprocess.tables import write_table
 from tests.studies.stability import images, page
 from tests.studies.stability.solver import read_plans, result
 
-PLANS = [
-    Path(f"cases/{name}/out/studies/stability/plan.json") for name in ("single_finger", "pinch")
-]
+PLAN = "cases/{}/out/studies/stability/plan.json"
+PLANS = [Path(PLAN.format(name)) for name in ("single_finger", "pinch")]
 FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "all flagged")

@@ -105,11 +105,9 @@ def write(folder: Path) -> None:
         read_rows(folder / f"{name}.csv") for name in ("runs", "images", "faults", "scenes")
     )
     tiles(by_axis(runs), 12, folder / "runs.svg")
-    lines = [
-        (f"{name}, {preset}", values)
-        for preset, of in images.groupby("preset", sort=False)
-        for name, values in by_axis(of)
-    ]
+    lines: list[Line] = []
+    for preset, of in images.groupby("preset", sort=False):
+        lines += [(f"{name}, {preset}", values) for name, values in by_axis(of)]
     tiles(sorted(lines, key=lambda line: line[0]), 8, folder / "images.svg", **OF_IMAGES)
     endings = pd.DataFrame({"ending": [text for _, text in ENDINGS.values()]})
     for name, of in (("runs", runs), ("images", images)):

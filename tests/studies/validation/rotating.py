@@ -241,9 +241,7 @@ def _pictures(scene: Scene) -> list[xr.Dataset]:
             time = float(np.interp(turn, path.distance, path.time))
             plane = sheet.sel(time=time, method="nearest").load()
             plane["outline"] = (plane["outline"] - np.array(centre)) / length
-            plane = plane.assign_coords(
-                x=(plane["x"] - centre[0]) / length, y=(plane["y"] - centre[1]) / length
-            )
-            unit = speed * length
+            x, y = (plane["x"] - centre[0]) / length, (plane["y"] - centre[1]) / length
+            unit, plane = speed * length, plane.assign_coords(x=x, y=y)
             pictures.append(plane.assign(u=plane["u"] / unit, v=plane["v"] / unit))
     return pictures

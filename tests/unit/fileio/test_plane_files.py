@@ -47,9 +47,8 @@ def test_another_version_and_a_missing_variable_are_refused(tmp_path, written, n
 
 def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
     plane(tmp_path / "whole.h5")
-    fields = [
-        {"u": U[k], "v": -U[k], "valid": np.ones((3, 4), np.uint8), "tip": TIP[k]} for k in range(2)
-    ]
+    valid = np.ones((3, 4), np.uint8)
+    fields = [{"u": U[k], "v": -U[k], "valid": valid, "tip": TIP[k]} for k in range(2)]
     with writing_planes(tmp_path / "new" / "parts.h5", X, Y, 2, {"source": "cfd"}) as file:
         for k, time in enumerate(TIME):
             file.write(k, time, fields[k])
@@ -60,9 +59,7 @@ def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
 
 
 def test_a_series_that_fails_halfway_leaves_no_file(tmp_path):
-    with (
-        pytest.raises(KeyError, match="nothing"),
-        writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file,
-    ):
+    refused = pytest.raises(KeyError, match="nothing")
+    with refused, writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file:
         file.write(0, 0.5, {"nothing": U[0]})
     assert not (tmp_path / "a.h5").exists()

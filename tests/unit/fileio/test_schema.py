@@ -48,9 +48,8 @@ def test_a_file_that_is_incomplete_or_wrong_is_one_sentence(tmp_path, change, wo
     path = tmp_path / "a.h5"
     SCHEMA.write(path, GOOD)
     with SCHEMA.read(path) as good:
-        bad = good.drop_vars(list(change.keys() & set(good))).assign(
-            {name: value for name, value in change.items() if value is not None}
-        )
+        new = {name: value for name, value in change.items() if value is not None}
+        bad = good.drop_vars(list(change.keys() & set(good))).assign(new)
     bad.attrs = {name: value for name, value in good.attrs.items() if name not in change}
     whole_netcdf(bad, path)
     with pytest.raises(StageError, match=rf"^\S+a\.h5: {words}; make it again$"):

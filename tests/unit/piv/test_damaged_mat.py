@@ -18,9 +18,8 @@ def element(kind, content):
 
 
 def matrix(content, *, name=b"", kind=DOUBLE, shape=(2, 3), flags=0):
-    head = element(6, struct.pack("<II", kind | flags, 0)) + element(
-        5, struct.pack(f"<{len(shape)}i", *shape)
-    )
+    head = element(6, struct.pack("<II", kind | flags, 0))
+    head += element(5, struct.pack(f"<{len(shape)}i", *shape))
     return element(14, head + element(1, name) + content)
 
 

@@ -78,10 +78,8 @@ def test_no_body_is_said():
 
 def test_outline_moves_between_instants_and_is_not_extended():
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * 1e-2
-    series = xr.Dataset(
-        {"outline": (("time", "point", "axis"), np.stack([square, square + np.array([0.02, 0])]))},
-        coords={"time": [0.0, 1.0]},
-    )
+    outline = ("time", "point", "axis"), np.stack([square, square + np.array([0.02, 0])])
+    series = xr.Dataset({"outline": outline}, coords={"time": [0.0, 1.0]})
     bodies = outline_masks(series, np.array([0.5]), 1e-3, (5.0, 5.0))
     mask = polygons_mask(bodies[0], (40, 60))
     rows, columns = np.nonzero(mask)

@@ -131,9 +131,8 @@ def test_interrupted_run_resumes_and_keeps_what_was_finished(folder, tmp_path, m
     assert sorted(written) == [0, 1, 2, 3, 4]
     straight = tmp_path / "straight.h5"
     made("correlate", folder, "-o", straight)
-    xr.testing.assert_identical(
-        xr.load_dataset(out, engine="h5netcdf"), xr.load_dataset(straight, engine="h5netcdf")
-    )
+    both = (xr.load_dataset(path, engine="h5netcdf") for path in (out, straight))
+    xr.testing.assert_identical(*both)
 
 
 def test_part_of_other_settings_or_damaged_is_begun_anew(folder, tmp_path):

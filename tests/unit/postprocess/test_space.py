@@ -12,9 +12,8 @@ BOX = (-0.05, 0.05, -0.05, 0.05, -0.03, 0.03)
 
 def picture(sense: float) -> np.ndarray:
     """A column of water that turns about z, 15 mm in radius, behind a small body."""
-    water = pv.ImageData(
-        dimensions=(51, 51, 13), spacing=(2e-3, 2e-3, 5e-3), origin=BOX[::2]
-    ).cast_to_unstructured_grid()
+    size = {"dimensions": (51, 51, 13), "spacing": (2e-3, 2e-3, 5e-3), "origin": BOX[::2]}
+    water = pv.ImageData(**size).cast_to_unstructured_grid()
     x, y, _ = water.cell_centers().points.T
     core = np.exp(-((x**2 + y**2) / 0.015**2))
     water.cell_data["q"] = 100.0 * (core - 0.5)

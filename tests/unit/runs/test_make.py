@@ -65,9 +65,8 @@ def test_first_estimate_is_near_the_time_that_a_fresh_clone_took(tmp_path, level
 
 def test_reason_names_the_key_and_both_values(run: Run) -> None:
     tip = run.scene.mesh.tip_cell
-    assert again(run, **{"mesh.tip_cell": 0.003}).stale("mesh") == {
-        "mesh": f"mesh.tip_cell changed from {tip} to 0.003"
-    }
+    changed = f"mesh.tip_cell changed from {tip} to 0.003"
+    assert again(run, **{"mesh.tip_cell": 0.003}).stale("mesh") == {"mesh": changed}
 
 
 def test_an_equal_stage_of_another_run_is_taken_over(run: Run, capfd) -> None:
@@ -103,9 +102,8 @@ def test_a_changed_file_is_refused_by_its_readers_and_made_again(run: Run) -> No
     path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
     with pytest.raises(StageError, match="damaged or changed"):
         read_kinematics(path)
-    assert again(run).stale("kinematics") == {
-        "kinematics": "kinematics.h5 has changed since it was written"
-    }
+    changed = "kinematics.h5 has changed since it was written"
+    assert again(run).stale("kinematics") == {"kinematics": changed}
     make(again(run), "kinematics", ONE, quiet=True)
     read_kinematics(path)
 

@@ -33,10 +33,8 @@ def test_the_tip_is_in_view_at_every_instant_or_the_scene_is_refused(
     tmp_path_factory, tank, x, y, length, kpa, stated
 ):
     """The paper's equations bend a finger of any length."""
-    strokes = ", ".join(
-        f"{{ pressure_kpa = {p:.6g}, start = {0.2 * k + 0.01}, duration = 0.2 }}"
-        for k, p in enumerate(kpa)
-    )
+    stroke = "{{ pressure_kpa = {:.6g}, start = {}, duration = 0.2 }}"
+    strokes = ", ".join(stroke.format(p, 0.2 * k + 0.01) for k, p in enumerate(kpa))
     folder = write(
         tmp_path_factory.mktemp("scene"),
         f"[tank]\nsize = [{tank[0]:.4f}, {tank[1]:.4f}, 0.2]\nwater_depth = {0.95 * tank[1]:.4f}\n"

@@ -95,13 +95,10 @@ def test_a_measured_pressure_takes_the_place_of_the_strokes_and_back(tmp_path, m
     assert "pressure_csv" in motion
     assert not gone & motion.keys()
     back = tmp_path / "grandchild" / "scene.toml"
-    strokes = [{"pressure_kpa": 5.0, "start": 0.0, "duration": 0.2}]
-    back.write_text(
-        'extends = "../child"\n[levels.smoke]\n'
-        "motion = { strokes = [{ pressure_kpa = 5.0, start = 0.0, duration = 0.2 }] }\n"
-    )
+    own = "strokes = [{ pressure_kpa = 5.0, start = 0.0, duration = 0.2 }]"
+    back.write_text(f'extends = "../child"\n[levels.smoke.motion]\n{own}\n')
     motion = resolve(read_layers(back), "smoke")[0]["motion"]
-    assert motion["strokes"] == strokes
+    assert motion["strokes"] == [{"pressure_kpa": 5.0, "start": 0.0, "duration": 0.2}]
     assert "pressure_csv" not in motion
 
 

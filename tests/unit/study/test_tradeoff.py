@@ -82,14 +82,11 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
     warning = "warning: the errors were measured on single_finger, a scene like it"
     assert results_of(like) == (path, warning)
     motion = '[motion]\nsource = "paper_equations"\nend_time = 0.42\n'
+    back = "{ pressure_kpa = 20.0, start = 0.005, duration = 0.2 }"
+    back += ", { pressure_kpa = 0.0, start = 0.2, duration = 0.2 }"
     for name, text, words in (
         ("short", f"{motion}[finger]\nlength = 0.035\n", r"length \(m\) 0\.035 against 0\.07"),
-        (
-            "back",
-            "[motion]\nstrokes = [{ pressure_kpa = 20.0, start = 0.005, duration = 0.2 },"
-            " { pressure_kpa = 0.0, start = 0.2, duration = 0.2 }]\n",
-            "turns of the pressure 2 against 1",
-        ),
+        ("back", f"[motion]\nstrokes = [{back}]\n", "turns of the pressure 2 against 1"),
     ):
         with pytest.raises(StageError, match=words) as error:
             results_of(own_scene(tmp_path / name, text))
