@@ -1,7 +1,5 @@
 """Atomic writes: a file is complete or absent, whatever fails during the write."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Reading in a forked process, for files that may crash or hang the library that reads them."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import resource

@@ -1,7 +1,5 @@
 """Subcommands, errors in one sentence, exit codes 0, 2 (bad input) and 130 (interrupted)."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import os

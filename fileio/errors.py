@@ -1,7 +1,5 @@
 """Failures as one sentence for the user."""
 
-from __future__ import annotations
-
 import difflib
 import errno
 import os

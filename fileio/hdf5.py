@@ -1,7 +1,5 @@
 """HDF5 files: checked before opening, written atomically."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache

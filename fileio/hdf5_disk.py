@@ -5,8 +5,6 @@ through `Disk`, whose writes never fail: after a first failure they are dropped,
 `flush` and `close` raise the error.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path

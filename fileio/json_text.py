@@ -1,7 +1,5 @@
 """JSON files and HDF5 attributes that must hold an object or a list."""
 
-from __future__ import annotations
-
 import json
 import re
 from datetime import date

@@ -1,7 +1,5 @@
 """The keys of a TOML file from its pydantic model: a reference, a template, and complaints."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

@@ -1,7 +1,5 @@
 """File locks, which the kernel releases however the holder ends."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Versions of libraries and file formats; digests of settings."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

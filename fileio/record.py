@@ -4,8 +4,6 @@ Readers check a file that a record names. Files that no record names, such as th
 programs, are not checked.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """HDF5 files written item by item in any order; an interrupted run loses no finished item."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Formats declared once, checked at every reading and writing, listed in docs/reference."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping

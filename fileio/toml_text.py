@@ -1,7 +1,5 @@
 """Reader of TOML files; its errors name the keys without a value."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

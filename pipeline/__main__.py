@@ -1,7 +1,5 @@
 """The program `softfinger`: runs of a scene and their results."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

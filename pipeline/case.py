@@ -1,7 +1,5 @@
 """Stage case: one OpenFOAM case for each mesh interval, from templates and the swept mesh."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 

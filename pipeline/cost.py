@@ -1,7 +1,5 @@
 """What a run that was interrupted and resumed has spent."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 
@@ -12,5 +10,5 @@ class Spent:
     wall_time: float = 0.0
     cpu_time: float = 0.0
 
-    def __add__(self, other: Spent) -> Spent:
+    def __add__(self, other: "Spent") -> "Spent":
         return Spent(self.wall_time + other.wall_time, self.cpu_time + other.cpu_time)

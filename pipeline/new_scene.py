@@ -1,7 +1,5 @@
 """A scene for an own finger (softfinger new); the file names what it assumes."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

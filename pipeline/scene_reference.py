@@ -1,7 +1,5 @@
 """The keys of scene.toml and a template, from the models of a scene."""
 
-from __future__ import annotations
-
 from fileio.key_reference import MISSING, Key, keys_of, template
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.scene.scene import Scene

@@ -1,7 +1,5 @@
 """Stage sheet: the flow in the laser sheet on a regular grid, as a plane series."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command line: piv COMMAND: vectors from images, and what follows from them."""
 
-from __future__ import annotations
-
 import argparse
 import glob
 import sys

@@ -4,8 +4,6 @@ The first use after an installation compiles them, which takes half a minute; a 
 says so.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from typing import Any, TypeVar

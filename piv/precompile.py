@@ -4,8 +4,6 @@ A vortex in a plane is rendered, correlated and found, by the commands and the k
 a scene's stages use.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

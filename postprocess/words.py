@@ -1,7 +1,5 @@
 """How a page writes numbers, units and the names of sources: one table of units for every page."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The bending states of a finger: `states.h5` as analysed, or a CSV of digitised profiles."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The motion of a finger that pressure and water make together, `run/elastic_motion.h5`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from fileio.schema import Schema, variables

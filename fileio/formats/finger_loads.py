@@ -3,8 +3,6 @@
 Of a rigid body it holds `unknown` and `coupled` alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

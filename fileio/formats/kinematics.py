@@ -1,7 +1,5 @@
 """The motion of one finger or rigid body, `kinematics.h5`: pressure over time, shapes over it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,8 +63,8 @@ class Kinematics:
     """
 
     data: xr.Dataset
-    law: CubicSpline
-    splines: dict[str, CubicSpline]
+    law: "CubicSpline"
+    splines: dict[str, "CubicSpline"]
     mirror: bool
 
     @property

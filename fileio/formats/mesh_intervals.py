@@ -1,7 +1,5 @@
 """The meshes of a run, `planform.h5` and `sweep.h5`: intervals of time, each with its mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -44,11 +42,11 @@ class Interval:
 class NodeMotion:
     """Twice continuously differentiable motion of nodes, exact at the knots of the parameter."""
 
-    pressure: CubicSpline
-    shape: CubicSpline
+    pressure: "CubicSpline"
+    shape: "CubicSpline"
 
     @classmethod
-    def of(cls, law: CubicSpline, planform: xr.Dataset) -> NodeMotion:
+    def of(cls, law: "CubicSpline", planform: xr.Dataset) -> "NodeMotion":
         """Motion of a planform's nodes by a law of its shape parameter over time (s)."""
         from scipy.interpolate import CubicSpline
 
@@ -166,7 +164,7 @@ def read_sweep(out: Path, case: str) -> xr.Dataset:
     return SWEEP.read(out / "sweep.h5", case)
 
 
-def read_meshes(out: Path, law: CubicSpline) -> list[IntervalMesh]:
+def read_meshes(out: Path, law: "CubicSpline") -> list[IntervalMesh]:
     """The mesh of each interval, of planform.h5 and sweep.h5 of a level's folder.
 
     `law`: the shape parameter over time (s), that of the motion.

@@ -1,7 +1,5 @@
 """The plane-series format: velocity on a regular plane over time (docs/formats.md)."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A plane series written instant by instant or block by block, whole or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A finger's motion from a recording, `motion.h5`: for `motion.source = "recording"`."""
 
-from __future__ import annotations
-
 from fileio.schema import Schema, variables
 
 SCHEMA = Schema(

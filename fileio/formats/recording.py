@@ -1,7 +1,5 @@
 """Recordings, `images.h5` (docs/formats.md): one chunk per frame, written resumably."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tables and JSON records that stages leave behind (docs/formats.md)."""
 
-from __future__ import annotations
-
 from fileio.schema import JsonFormat, Table
 
 RUN = JsonFormat("run")

@@ -1,7 +1,5 @@
 """A plane series written field by field; an interrupted run loses no finished field."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The table of vortices over time, `vortices.csv` (docs/formats.md)."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

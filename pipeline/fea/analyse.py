@@ -1,7 +1,5 @@
 """From a pressure path of the unit cell to the bending states of the finger."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

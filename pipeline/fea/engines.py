@@ -1,7 +1,5 @@
 """Bending states of a scene by its engine: the unit cell, or the user's own results."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Callable
 from dataclasses import replace

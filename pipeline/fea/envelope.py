@@ -1,7 +1,5 @@
 """The closed outline of the finger in the plane of symmetry."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 

@@ -1,7 +1,5 @@
 """From unit cells to the finger: profile of the lower layer in the actuator's frame, its circle."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares

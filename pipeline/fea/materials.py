@@ -1,7 +1,5 @@
 """Hyperelastic laws by name, through FElupe's constitution."""
 
-from __future__ import annotations
-
 import felupe
 
 from pipeline.fea.settings import Material

@@ -1,7 +1,5 @@
 """Bending of the finger by equations (1)-(6) of Hao et al. 2017, doi 10.1177/1729881417707148."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sections [actuator] and [fea] of a scene, checked."""
 
-from __future__ import annotations
-
 from pydantic import ValidationError
 
 from fileio.errors import StageError

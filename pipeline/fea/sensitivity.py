@@ -1,7 +1,5 @@
 """Standard uncertainty of R and EI from inputs of the actuator that are not known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The sections `[actuator]`, `[actuator.materials.*]` and `[fea]` of a scene."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -85,7 +83,7 @@ class Actuator(_Frozen):
     """Of the two layers"""
 
     @model_validator(mode="after")
-    def _sensible(self) -> Actuator:
+    def _sensible(self) -> "Actuator":
         if self.h2 >= self.h1:
             raise ValueError(
                 f"h2 = {self.h2} m must be below h1 = {self.h1} m:"
@@ -138,7 +136,7 @@ class UnitCellMesh(_Frozen):
     span: _Elements = 3
     """Elements over half the cavity's width"""
 
-    def refined(self, factor: float) -> UnitCellMesh:
+    def refined(self, factor: float) -> "UnitCellMesh":
         """The same with every number of elements multiplied."""
         return self.model_copy(
             update={k: max(1, round(v * factor)) for k, v in self.model_dump().items()}
@@ -200,7 +198,7 @@ class Fea(_Frozen):
     """Whether the states that converge are kept where others do not"""
 
     @model_validator(mode="after")
-    def _three_states(self) -> Fea:
+    def _three_states(self) -> "Fea":
         span = self.last_pressure_kpa - self.first_pressure_kpa
         if not 2 <= round(span / self.pressure_step_kpa) <= _MOST_STATES:
             raise ValueError(

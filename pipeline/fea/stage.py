@@ -1,7 +1,5 @@
 """Stage fea: bending states of the scene's actuator, kinematics/states.h5 beside scene.toml."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

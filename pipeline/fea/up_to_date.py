@@ -1,7 +1,5 @@
 """Staleness of a scene's bending states against its sections [actuator] and [fea]."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The planform: a 2-D mesh of tank, finger and fixed bodies that is swept along z."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from numpy import ndarray

@@ -1,7 +1,5 @@
 """Quality of a planform: whether a finite-volume solver can use the swept mesh."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

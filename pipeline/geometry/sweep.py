@@ -1,7 +1,5 @@
 """Sweeping a planform along z into an OpenFOAM mesh: prisms and hexahedra in exact columns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

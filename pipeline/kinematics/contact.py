@@ -5,8 +5,6 @@ that the finger slows down smoothly and stops at the residual gap. The map acts 
 because the gap has kinks where another point of the outline becomes the nearest one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

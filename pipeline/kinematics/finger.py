@@ -1,7 +1,5 @@
 """A finger in motion: the pressure law, the shapes, and where it hangs in the tank."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Smooth pressure over time: three-pole strokes, or a measured history."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Protocol

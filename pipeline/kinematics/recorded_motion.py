@@ -1,7 +1,5 @@
 """The motion of a finger in a recording (motion.h5, docs/formats.md), as a pressure law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kinematics of a rigid body: the distance travelled takes the place of the pressure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Shapes that no finger can take: through itself, through another body, out of the water."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shapes of the finger over pressure: states in, closed outlines and their rate of change out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

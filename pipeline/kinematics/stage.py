@@ -3,8 +3,6 @@
 Of a coupled run they are a first guess, under modelled water, for its meshes.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The variables of kinematics.h5: the law of the shapes and the shapes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the measurement must see: the tip's path, and the camera, sheet and vortices that fit it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Fixed bodies of a scene: block above the roots, object between the tips, obstacles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

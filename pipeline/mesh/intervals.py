@@ -1,7 +1,5 @@
 """How a motion is divided among planforms: a measure of deformation, and intervals of time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

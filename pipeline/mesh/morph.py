@@ -6,8 +6,6 @@ descend, with the Hessian of each triangle made positive (analytic eigensystem o
 energy; Smith, de Goes & Kim 2019).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Builds the planform: quads along the finger's wall, triangles elsewhere, fixed bodies cut out."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The finger's shapes over the shape parameter, and a planform carried through them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,14 +24,14 @@ class ShapeSequence:
     tip: ndarray  # (knot, 2), or several: (knot, edge, 2)
     bend: ndarray  # (knot,) rad
 
-    def at(self, parameter: ndarray) -> ShapeSequence:
+    def at(self, parameter: ndarray) -> "ShapeSequence":
         """The shapes at other parameters, by cubic splines."""
         values = (self.outline, self.tip, self.bend)
         return ShapeSequence(
             parameter, *(CubicSpline(self.parameter, v)(parameter) for v in values)
         )
 
-    def within(self, low: float, high: float) -> ShapeSequence:
+    def within(self, low: float, high: float) -> "ShapeSequence":
         """The shapes at parameters `low` and `high` and the knots between them."""
         knots = self.parameter
         if low <= knots[0] and high >= knots[-1]:

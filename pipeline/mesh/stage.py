@@ -1,7 +1,5 @@
 """Stage mesh: planforms, the parts of the motion they serve, their shapes and quality."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Levels of the sweep along z, graded from the finger's side edges, which shed vortices."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

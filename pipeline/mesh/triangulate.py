@@ -1,7 +1,5 @@
 """Cells of a planform, by gmsh: the water beyond the finger's ring, and the finger's footprint."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The ring of quadrilaterals around the finger: nodes on its outline, and layers beyond."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The templates of the OpenFOAM dictionaries of every interval."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from fileio.errors import StageError

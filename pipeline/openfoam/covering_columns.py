@@ -1,7 +1,5 @@
 """Few cells that touch every node of a swept mesh: enough for OpenFOAM's layered motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """The motion as OpenFOAM reads it: one field of point displacements per time step."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -45,7 +43,7 @@ class Steps(NamedTuple):
     times: np.ndarray
 
     @classmethod
-    def of(cls, begin: float, end: float, time_step: float) -> Steps:
+    def of(cls, begin: float, end: float, time_step: float) -> "Steps":
         """Those from `begin` to `end` (s)."""
         first, last = steps_of(begin, time_step), steps_of(end, time_step)
         return cls(first, time_step * np.arange(first, last + PADDING + 1))

@@ -1,7 +1,5 @@
 """Finding OpenFOAM and running its programs."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -1,7 +1,5 @@
 """Writing OpenFOAM files whole and fast: headers, binary lists, point fields."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import re

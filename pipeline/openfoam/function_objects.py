@@ -1,7 +1,5 @@
 """Tables of the solver's function objects: one for each start, a row for each time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reading constant/polyMesh: which points and cells each face has, and the patches."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank 
 bytes in brackets. The header of the blocks' content stands in the first one only.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from dataclasses import dataclass

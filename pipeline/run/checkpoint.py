@@ -1,7 +1,5 @@
 """What a run left in a case: for what it was prepared, its last checkpoint, tables to rewrite."""
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Guards that stop a run gone wrong: the solver's log, and the energy balance."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Field mapping between two mesh intervals: the earlier one's flow on the later one's mesh."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Losses are the solver's own discrete terms times the velocity of the cell, less 
 cells or through a wall, by face (docs/schemes.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Preparation of an interval's case: decomposition, mapped fields, files of the motion."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """From the solver's raw output to tables: forces, power balance, history of the run."""
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The solver of one mesh interval: started from the last checkpoint, stopped by a guard."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -86,7 +84,7 @@ class Watchdog:
                 self.stop()
                 return
 
-    def __enter__(self) -> Watchdog:
+    def __enter__(self) -> "Watchdog":
         self._thread.start()
         return self
 

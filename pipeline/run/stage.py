@@ -1,7 +1,5 @@
 """Stage run: the solver, interval by interval; it resumes, guards and writes tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tqdm import tqdm

@@ -1,7 +1,5 @@
 """Estimated cost of a stage: that of its last run, else that of single_finger, scaled."""
 
-from __future__ import annotations
-
 from fileio.record import read_record
 from pipeline.fea.sections import sections
 from pipeline.fea.settings import UNCERTAIN_AT_KPA

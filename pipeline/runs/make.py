@@ -1,7 +1,5 @@
 """Make the stale stages of a run, each in its own process, in parallel where possible."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """A run: a scene at a level with overrides, resolved once, and the state of its stages."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """The table of stages: runs, studies, estimates, reports and `softfinger stages` follow from it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -4,8 +4,6 @@ Bounds of a single key stand with the key; here are those that several keys deci
 raises ValueError with the key, the reason and the nearest value that works.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

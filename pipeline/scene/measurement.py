@@ -1,7 +1,5 @@
 """The measurement: laser sheet, camera, PIV and vortices."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -88,7 +86,7 @@ class Piv(Section):
     """Frames of a set: 2, or 3, 5, … of multi-frame sets"""
 
     @model_validator(mode="after")
-    def _middle_frame(self) -> Piv:
+    def _middle_frame(self) -> "Piv":
         if self.frames > 2 and self.frames % 2 == 0:
             raise ValueError(
                 f"frames = {self.frames} has no frame in the middle; give 2, or {self.frames + 1}"

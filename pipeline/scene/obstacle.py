@@ -1,7 +1,5 @@
 """[[obstacle]]: fixed bodies beside a finger, centred on the laser sheet along z."""
 
-from __future__ import annotations
-
 from itertools import combinations, pairwise
 from typing import Annotated, Any, Literal
 
@@ -34,7 +32,7 @@ class Obstacle(Section):
     """Extent along z; absent: from wall to wall [m]"""
 
     @model_validator(mode="after")
-    def _whole(self) -> Obstacle:
+    def _whole(self) -> "Obstacle":
         needed = {"circle": ("centre", "diameter"), "box": ("centre", "size")}
         keys = needed.get(self.shape, ("points",))
         if missing := [key for key in keys if getattr(self, key) is None]:

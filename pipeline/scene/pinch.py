@@ -1,7 +1,5 @@
 """Tables of a scene with two fingers, [pinch], [pinch.object] and [support], and their checks."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """The predicted size of a scene's run: cells, steps, memory, disk and time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

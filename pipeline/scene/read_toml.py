@@ -1,7 +1,5 @@
 """Reading scene.toml: its tables, merged with those of the scenes that it extends."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of a rigid body in place of a finger, and the law of its motion."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -30,7 +28,7 @@ class RigidBody(Section):
     """Of the outline"""
 
     @model_validator(mode="after")
-    def _sized(self) -> RigidBody:
+    def _sized(self) -> "RigidBody":
         if (self.shape == "circle") != (self.diameter is not None):
             raise ValueError("give a diameter to a circle, and to a circle only")
         plate = self.chord is not None and self.thickness is not None
@@ -73,7 +71,7 @@ class Law(Section):
     """Of a power law"""
 
     @model_validator(mode="after")
-    def _complete(self) -> Law:
+    def _complete(self) -> "Law":
         wanted = {"sine": ("amplitude", "period"), "power": ("rate", "exponent")}
         for kind, keys in wanted.items():
             for key in keys:

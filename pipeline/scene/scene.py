@@ -1,7 +1,5 @@
 """The scene: every number of a case, read from scene.toml, resolved for one level and checked."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Mapping
@@ -92,7 +90,7 @@ class Scene(Section):
         return table
 
     @model_validator(mode="after")
-    def _checked(self) -> Scene:
+    def _checked(self) -> "Scene":
         if (self.body is None) == (self.motion.source == "rigid"):
             raise ValueError(
                 "body and motion.source = 'rigid' belong together; give both or neither"
@@ -114,7 +112,7 @@ class Scene(Section):
         """Whether the mesh holds both fingers of a pinch, not one beside its plane of symmetry."""
         return self.pinch is not None and self.model.kind in ("half", "full")
 
-    def placed(self) -> Scene:
+    def placed(self) -> "Scene":
         """The scene with the fingers of a pinch where it hangs them; itself without a pinch."""
         if self.pinch is None:
             return self

@@ -1,7 +1,5 @@
 """The base of a scene's tables (frozen, no unknown keys, no infinities), and its complaints."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError

@@ -1,7 +1,5 @@
 """The sections of a scene.toml: tank, fluid, finger, motion, mesh, model and numerics."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -42,7 +40,7 @@ class Tip(Section):
     """Of the tip's rounded corners [m]"""
 
     @model_validator(mode="after")
-    def _taper_has_length(self) -> Tip:
+    def _taper_has_length(self) -> "Tip":
         if self.thickness is not None and self.length == 0:
             raise ValueError(
                 "a thickness is given but no length to taper over; give finger.tip.length"
@@ -65,7 +63,7 @@ class Chambers(Section):
     """By how much each wall leans [deg]"""
 
     @model_validator(mode="after")
-    def _wedge_above_floor(self) -> Chambers:
+    def _wedge_above_floor(self) -> "Chambers":
         if self.wedge_from < self.floor:
             raise ValueError(
                 f"finger.chambers.wedge_from = {self.wedge_from:g} m lies below floor ="
@@ -151,7 +149,7 @@ class Motion(Section):
     """Of a rigid body: distance between two shapes of the mesh [m or rad]"""
 
     @model_validator(mode="after")
-    def _one_history(self) -> Motion:
+    def _one_history(self) -> "Motion":
         laws = (self.displacement, self.rotation, self.path_csv)
         rigid = sum(law is not None for law in laws)
         if rigid != (self.source == "rigid") or (rigid and (self.strokes or self.pressure_csv)):

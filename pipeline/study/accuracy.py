@@ -1,7 +1,5 @@
 """Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """CPU speed of this machine, by benchmarks of the solver's and of PIV's kind of work."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

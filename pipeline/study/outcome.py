@@ -1,7 +1,5 @@
 """Outcomes of runs that may be refused or stopped, recorded as results of a study."""
 
-from __future__ import annotations
-
 import re
 import resource
 import shutil

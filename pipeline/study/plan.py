@@ -1,7 +1,5 @@
 """plan.json: the stale stages of a study's runs, as jobs for Snakemake."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ b: slowdown of ranks that share a node's memory; i: imbalance, because each rank
 of cells. Halo messages and global sums are counted from PISO with GAMG.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of a study's table: runs that are a scene at a level with overrides."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

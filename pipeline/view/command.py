@@ -1,7 +1,5 @@
 """Command `view`: a run as a time series for ParaView, with a script for a first picture."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

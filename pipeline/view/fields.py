@@ -1,7 +1,5 @@
 """The fields that a run has written, as grids at any instant of the run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Water and walls of a mesh interval as VTK grids, at any instant, and their mirror images."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

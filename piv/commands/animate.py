@@ -1,7 +1,5 @@
 """Vectors over vorticity over time, as MP4, WebM or GIF."""
 
-from __future__ import annotations
-
 import argparse
 import io
 from collections.abc import Iterator

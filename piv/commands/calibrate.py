@@ -1,7 +1,5 @@
 """Scale, origin and lens distortion: make a calibration file, or apply one to vectors or images."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vectors between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """piv correlate A.tif B.tif -o out.h5: images or a recording to a plane series of vectors."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Vorticity, divergence, strain, swirling strength and Q with propagated uncertainty."""
 
-from __future__ import annotations
-
 import argparse
 
 from fileio.formats.plane_series import read_plane

@@ -1,7 +1,5 @@
 """piv join piv.h5: the chunks of a recording (piv correlate --chunk k/n) to one plane series."""
 
-from __future__ import annotations
-
 import argparse
 
 from piv.commands.settings import report

@@ -1,7 +1,5 @@
 """Masks of a recording: from a polygon, moving outlines, or a dark body."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

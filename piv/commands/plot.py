@@ -1,7 +1,5 @@
 """Vectors over vorticity with vortex centres, as a picture."""
 
-from __future__ import annotations
-
 import argparse
 import io
 

@@ -5,8 +5,6 @@ dimensions. Elsewhere p is wrong without a trace. Needs fields close in time: a 
 by less than a fifth of its size from one to the next.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from pathlib import Path

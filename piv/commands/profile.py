@@ -1,7 +1,5 @@
 """Vectors, and what is derived from them, along a line, as CSV."""
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

@@ -1,7 +1,5 @@
 """piv render sheet.h5 -o images.h5: a plane series as a camera would see it."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Settings of a subcommand: dataclass fields as flags, flags as numbers in memory."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from dataclasses import fields

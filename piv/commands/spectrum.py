@@ -1,7 +1,5 @@
 """Power spectral densities in time at points, or along x or y, as CSV (Lomb-Scargle)."""
 
-from __future__ import annotations
-
 import argparse
 
 from fileio.atomic import write_text

@@ -1,7 +1,5 @@
 """Mean, RMS, Reynolds stresses and standard errors over time, per phase, or per bin."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

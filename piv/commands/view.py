@@ -1,7 +1,5 @@
 """A local page in the browser: images and vectors over time, masks, measures, settings to try."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """piv vortices piv.h5 -o vortices.csv: vortices of a plane series, and their tracks."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from functools import partial

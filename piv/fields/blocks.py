@@ -1,7 +1,5 @@
 """Series that are longer than memory, read block by block."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import xarray as xr

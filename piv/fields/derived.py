@@ -1,7 +1,5 @@
 """Vorticity, divergence, strain, swirling strength and Q with propagated uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

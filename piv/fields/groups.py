@@ -1,7 +1,5 @@
 """Groups of instants: by phase of a period, between triggers, or by a quantity's value."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

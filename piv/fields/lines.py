@@ -1,7 +1,5 @@
 """Vectors and what is derived from them along a straight line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

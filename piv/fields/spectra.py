@@ -4,8 +4,6 @@ N. R. Lomb, Astrophys. Space Sci. 39 (1976) 447; J. D. Scargle, Astrophys. J. 26
 Without gaps it is the usual periodogram; gaps are left out, not filled.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

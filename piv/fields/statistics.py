@@ -1,7 +1,5 @@
 """Mean, RMS, Reynolds stresses, standard errors and convergence over time or groups."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 from numpy import ndarray

@@ -1,7 +1,5 @@
 """What a file of vectors holds, in a line."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Vector buffers of DaVis through lvpyio, whose library ends its process on damaged files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The .mat export of a PIVlab session, MAT 5 or HDF5 (7.3), read in a child process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """netCDF files in pivpy's layout: dimensions y, x, t; `chc` 1 = measured."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From other programs' vectors to plane series, and from plane series to what others open."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ Every reader gives a `Vectors`: a regular grid with the units and the direction 
 states, None where it states none. `piv.foreign.read.to_plane` asks for what is missing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ as JSON: in the first line of a CSV, the last one of a Tecplot file, a comment o
 variable `plane_series` of a MATLAB file. Files with it are read back as they were.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

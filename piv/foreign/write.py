@@ -1,7 +1,5 @@
 """Plane series in the formats that other programs open."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

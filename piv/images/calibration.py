@@ -6,8 +6,6 @@ origin) * scale. With one, px are turned to image rows, freed of distortion (Ope
 2000), taken by a homography to px of the sheet and then scaled.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

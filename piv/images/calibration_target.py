@@ -1,7 +1,5 @@
 """Lens and sheet from pictures of a flat target: chessboard or ChArUco board."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One clock: `interval` between the two exposures of a pair (s), `rate` of pairs (Hz)."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

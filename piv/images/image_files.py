@@ -1,7 +1,5 @@
 """Recordings that are image files, one frame or several in each."""
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Masks: bool arrays in image order, True = body (takes no part in correlation)."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -6,8 +6,6 @@ Frames stay in image order (row 0 at the top) through masks and pre-processing.
 only flip of y in the project.
 """
 
-from __future__ import annotations
-
 import glob
 import re
 from collections.abc import Sequence

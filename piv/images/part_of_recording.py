@@ -1,7 +1,5 @@
 """A recording with masks (one for all frames, one each, or moving polygons), cut to a region."""
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Recordings of Photron cameras: .cih or .cihx beside .mraw."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

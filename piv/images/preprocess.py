@@ -8,8 +8,6 @@ attributes. Steps run in their order: `background=min|mean` (temporal, of the wh
 deviations are cut, Shavit et al. 2007).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import cv2

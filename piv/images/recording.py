@@ -1,7 +1,5 @@
 """Recordings: each kind reads a frame on demand and keeps no others in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Self
 

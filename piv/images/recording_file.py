@@ -1,7 +1,5 @@
 """The project's own recordings, images.h5."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

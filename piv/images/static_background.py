@@ -6,8 +6,6 @@ of the particles elsewhere and particles move past it, or where it is so bright 
 can be there.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy import ndarray

@@ -1,7 +1,5 @@
 """Recordings that are video files."""
 
-from __future__ import annotations
-
 import os
 from collections import OrderedDict
 from pathlib import Path

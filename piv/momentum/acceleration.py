@@ -1,7 +1,5 @@
 """Accelerations from neighbouring fields: as many of them as noise asks for and change allows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

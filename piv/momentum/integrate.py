@@ -1,7 +1,5 @@
 """Pressure from its gradient: weighted least squares over all links between neighbours."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pressure on a body's outline, and the water's force and moment on it in the sheet."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 from numpy import ndarray

@@ -1,7 +1,5 @@
 """Pressure of the water in the light sheet from vectors over time, with its uncertainty."""
 
-from __future__ import annotations
-
 from functools import lru_cache, partial
 from typing import Any
 

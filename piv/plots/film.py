@@ -1,7 +1,5 @@
 """Films, image by image: H.264 or, in .webm, VP9."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

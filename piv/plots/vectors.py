@@ -1,7 +1,5 @@
 """Vectors over vorticity, with bodies and vortex centres: one figure for all pictures."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass
 

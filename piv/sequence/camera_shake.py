@@ -1,7 +1,5 @@
 """Shake of the camera: what all vectors of a frame have in common beyond a uniform motion."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """A recording in parts: joined, the file equals that of one job to the last byte."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator
@@ -31,7 +29,7 @@ class Chunk:
     fields: int
 
     @classmethod
-    def of_series(cls, fields: int, number: int, of: int) -> Chunk:
+    def of_series(cls, fields: int, number: int, of: int) -> "Chunk":
         """Parts differ by one field at most. ValueError where there is no such part."""
         if not 1 <= number <= of:
             raise ValueError(f"chunk {number}/{of}: give k/n with k from 1 to n")

@@ -1,7 +1,5 @@
 """Ensemble correlation: one mean field from the summed correlations of many pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import iadd

@@ -1,7 +1,5 @@
 """Time-resolved sets of three, five or more frames: one field from all pairs of the set."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, Unpack
 

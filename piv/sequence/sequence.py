@@ -1,7 +1,5 @@
 """A whole recording to a plane series: field by field, in parallel, resumable."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -87,7 +85,7 @@ class SequenceOptions:
                 "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
             )
 
-    def of(self, recording: Recording) -> SequenceOptions:
+    def of(self, recording: Recording) -> "SequenceOptions":
         """With the pairing that the recording's names state; ValueError where they leave doubt."""
         if self.pairing is not None:
             return self
@@ -283,7 +281,7 @@ class _SeriesUnits:
     names: dict[str, str]  # of the axes, time and velocity
 
     @classmethod
-    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> _SeriesUnits:
+    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> "_SeriesUnits":
         """m/s where scale and interval are known, else px; s where times are known, else frames."""
         scale = pixel_of(recording.attrs)
         times = recording.times

@@ -1,7 +1,5 @@
 """What a synthetic recording is taken with: camera, particles and light sheet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Particle images: Gaussian spots integrated over pixels, sheet light, body, sensor noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Seeding particles in a slab around the light sheet and carrying them with a plane field."""
 
-from __future__ import annotations
-
 import math
 import os
 from dataclasses import dataclass

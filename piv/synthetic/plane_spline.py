@@ -1,7 +1,5 @@
 """A plane series as a smooth velocity field: cubic B-spline in space, cubic Hermite in time."""
 
-from __future__ import annotations
-
 import math
 from collections import OrderedDict
 

@@ -1,7 +1,5 @@
 """Synthetic PIV recordings of a plane series."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from pathlib import Path

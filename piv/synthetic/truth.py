@@ -1,7 +1,5 @@
 """The exact truth of a synthetic recording, as a plane series written plane by plane."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tqdm import tqdm

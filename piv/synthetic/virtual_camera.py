@@ -1,7 +1,5 @@
 """A plane series as a camera sees it: persistent particles, and the exact truth."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

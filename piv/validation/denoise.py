@@ -1,7 +1,5 @@
 """Adaptive smoothing of a vector field where nothing but noise is seen."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

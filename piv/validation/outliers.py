@@ -1,7 +1,5 @@
 """Outliers on a regular grid: normalised median (Westerweel & Scarano 2005), lone vectors."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

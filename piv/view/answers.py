@@ -1,7 +1,5 @@
 """What the page asks for: fields, vortices, measures in areas and along lines, settings to try."""
 
-from __future__ import annotations
-
 import base64
 import shlex
 from dataclasses import asdict, replace

@@ -1,7 +1,5 @@
 """Masks and a region that were drawn, as the file that `correlate --mask` reads."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is seen at each step: an image, vectors, or both in one frame of coordinates, y up."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace

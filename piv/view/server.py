@@ -1,7 +1,5 @@
 """The page, served to the browsers of this machine alone, whose address holds a secret."""
 
-from __future__ import annotations
-
 import json
 import secrets
 import sys

@@ -22,8 +22,6 @@ window = [0.25, 0.75]               # fractions of the change of bend angle; or 
 finger = 0                          # optional, which finger (quantities of a pair take both)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Quantities of two fingers that close: their vortices, the flow between, the single finger."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

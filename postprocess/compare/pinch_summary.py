@@ -1,7 +1,5 @@
 """Key numbers of a pinch, by source: both pairs, the jet, and the pressure of closing."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a finding can be about: each quantity is a pure function of a part of the evidence."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from postprocess.compare.pinch_quantities import PINCH_QUANTITIES

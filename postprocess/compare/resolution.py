@@ -1,7 +1,5 @@
 """What a recording can resolve, and how far that widens the limits of an agreement."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pandas as pd

@@ -8,8 +8,6 @@ findings = ["pair-equal"]    # ids of the findings that judge it; if it cannot b
 why = "…"                    # why not, or what of it the findings leave open
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The comparison as series over time and as key numbers over the middle of the stroke."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -3,8 +3,6 @@
 Writes comparison.json and comparison.csv. postprocess.lab compares a laboratory's data.
 """
 
-from __future__ import annotations
-
 import platform
 from math import isfinite
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames through the stroke, as WebP pictures for the slider."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable
 from pathlib import Path

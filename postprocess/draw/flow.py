@@ -1,7 +1,5 @@
 """The flow around the finger as in the paper's Fig. 10: vectors, finger, vortex with its sense."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

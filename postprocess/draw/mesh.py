@@ -1,7 +1,5 @@
 """Pictures of the mesh: the planform at three shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure

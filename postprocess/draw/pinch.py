@@ -1,7 +1,5 @@
 """Two fingers over time: the closing, both pairs of vortices, flow and pressure between."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

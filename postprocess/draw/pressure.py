@@ -1,7 +1,5 @@
 """Pressure in the sheet from PIV beside the simulation's, and the loads of both."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

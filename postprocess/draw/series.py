@@ -1,7 +1,5 @@
 """Series over time, one panel for each quantity; paths of the vortex; the bend."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

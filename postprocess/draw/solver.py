@@ -1,7 +1,5 @@
 """Where the finger's work goes, as a figure."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """The flow in space: a surface of equal Q around the bodies, and the laser sheet through it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

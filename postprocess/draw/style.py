@@ -1,7 +1,5 @@
 """How every picture looks: one set of sizes, fonts and colours, and saving whole files."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

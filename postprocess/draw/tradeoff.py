@@ -1,7 +1,5 @@
 """The trade-off of a study's runs as a figure: error over CPU time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The water's effect on the finger: motion, loads along it, and energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure

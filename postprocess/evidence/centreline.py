@@ -1,7 +1,5 @@
 """The flow on the plane x = 0 between two fingers: the parting line, the jet, and the pressure."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

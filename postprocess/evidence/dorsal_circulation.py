@@ -4,8 +4,6 @@ The line is the region's edge in the water and the body's outline, which moves a
 over the vorticity of the sheet would depend on the cells near the wall (docs/mesh.md).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import shapely

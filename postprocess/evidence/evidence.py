@@ -1,7 +1,5 @@
 """What a scene is judged by, by source; and what a quantity is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

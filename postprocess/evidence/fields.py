@@ -1,7 +1,5 @@
 """Velocity fields against each other: two plane series on the common region, frame by frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

@@ -1,7 +1,5 @@
 """The water's moment on a finger in the sheet as a quantity of two sources."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

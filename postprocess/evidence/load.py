@@ -1,7 +1,5 @@
 """Reading the evidence of a scene: planes, vortices, clock, and the single finger of a pinch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 A pair is known by its side and by the flow between its vortices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import xarray as xr

@@ -1,7 +1,5 @@
 """Where a run's files are, and reading them with one-sentence errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The stroke: which instants are its middle, and how fast the tip moves."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Windows of time of findings: by bend angle, by gap, around contact, or within a stroke."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Vortex tables: the dominant vortex of a tip, and two of them against each other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

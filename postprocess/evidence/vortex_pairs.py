@@ -1,7 +1,5 @@
 """The tip vortices of two fingers, paired instant by instant: how equal, opposite and mirrored."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """The flow along the trace of the finger: where it has passed and water is now."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

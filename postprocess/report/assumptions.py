@@ -1,7 +1,5 @@
 """What is modelled and what is not, each with the number that justifies it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pipeline.scene.sections import SMOOTHING

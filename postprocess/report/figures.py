@@ -1,7 +1,5 @@
 """Stage figures: the report's pictures, slider and film, and their index figures.json."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial

@@ -1,7 +1,5 @@
 """Pictures of the flow: vectors at some instants, the film and its frames, the tip vortices."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Pictures of the finger: the states behind its motion, and what the water does to it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pages' templates: a name that a page does not fill in is an error, and text is escaped."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import jinja2

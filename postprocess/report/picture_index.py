@@ -1,7 +1,5 @@
 """The report's pictures as they are made, and their index."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report's pictures of a pinch: both pairs of vortices, and the closing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The key numbers of a pinch as a table of words."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from postprocess.compare.pinch_summary import AFTER, APPROACH

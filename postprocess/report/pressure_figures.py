@@ -1,7 +1,5 @@
 """Picture of the water's pressure and loads in the sheet, of both sources."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

@@ -1,7 +1,5 @@
 """Pictures of how the flow was computed and seen: the solver's tables, the mesh, the camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

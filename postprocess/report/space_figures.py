@@ -1,7 +1,5 @@
 """Pictures and a film of the flow in space, of the fields that the run has written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

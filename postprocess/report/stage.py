@@ -1,7 +1,5 @@
 """Stage report: report.html, one static page with everything inside it."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

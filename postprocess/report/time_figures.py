@@ -1,7 +1,5 @@
 """What the slider is linked to, the vortex's way, and the same over several levels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The numerical error of a level, as the study of the trade-off measured it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

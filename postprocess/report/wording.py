@@ -1,7 +1,5 @@
 """A comparison in words, for a reader who does not know the code."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, quantity

@@ -1,7 +1,5 @@
 """Errors of a run against the best run of a study, whose own error is extrapolated."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A study's runs as one tidy table: a row per run, the unit at the end of each column's name."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

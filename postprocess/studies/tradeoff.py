@@ -1,7 +1,5 @@
 """What accuracy costs: errors of a study's runs against its best, and those that nothing beats."""
 
-from __future__ import annotations
-
 import platform
 from datetime import UTC, datetime
 from pathlib import Path

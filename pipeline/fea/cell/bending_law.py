@@ -1,7 +1,5 @@
 """How a unit cell bends under a moment, and what its rubber and its air weigh and displace."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse.linalg import splu
 

@@ -1,7 +1,5 @@
 """Finite elements of the unit cell: 20-node hexahedra and follower pressure on them."""
 
-from __future__ import annotations
-
 import felupe
 import numpy as np
 

@@ -4,8 +4,6 @@ Frame: x along the finger from the middle of the chamber to the middle of the ga
 ventral surface into the chamber, z from the plane of symmetry to the side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The pressure path of a unit cell, out from rest in steps that Newton's method can take."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 from pipeline.fea.cell.unit_cell import NotConverged, State, UnitCell

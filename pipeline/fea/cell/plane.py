@@ -5,8 +5,6 @@ turns by φ, positive when the dorsal side opens. Both are unknowns, so that nei
 a moment acts on a cell. A wall that reaches the plane touches its mirror image, the next chamber.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse

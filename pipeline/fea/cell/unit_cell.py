@@ -1,7 +1,5 @@
 """The unit cell in equilibrium: hexahedra, follower pressure and contact."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

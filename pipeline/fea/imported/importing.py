@@ -1,7 +1,5 @@
 """The user's own FEA: from displacements of nodes, or digitised profiles, to bending states."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Displacements of nodes as a CSV, which docs/abaqus_export.py writes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

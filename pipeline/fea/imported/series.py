@@ -1,7 +1,5 @@
 """Displacement fields of VTU and PVD (PyVista) and XDMF series (meshio)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
