@@ -1,18 +1,19 @@
 """Stage sheet: the flow in the laser sheet on a regular grid, as a plane series."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pyvista as pv
 import shapely
+import xarray as xr
 from tqdm import tqdm
 
 from fileio.errors import StageError
 from fileio.formats.kinematics import Kinematics, read_kinematics
 from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.plane_writer import writing_planes
+from fileio.formats.plane_writer import instant, new_series, write_blocks
 from fileio.provenance import versions
 from pipeline.kinematics.view import unseen_tip
 from pipeline.openfoam.surface_vtk import read_surface, sampled_surfaces
@@ -92,15 +93,15 @@ def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
 
 
 def _frames(
-    planes: list[tuple[float, Path]],
+    planes: Iterable[tuple[float, Path]],
     mirrored: bool,
     flat: bool,
     density: float,
     kinematics: Kinematics,
     x: np.ndarray,
     y: np.ndarray,
-) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
-    """Time and variables of each plane; NaN inside the fingers. mirrored: planes of x <= 0."""
+) -> Iterator[xr.Dataset]:
+    """The variables of each plane; NaN inside the fingers. mirrored: planes of x <= 0."""
     mesh_x, mesh_y = np.meshgrid(x, y)
     sample = sample_mirrored if mirrored else _sample_plane
     for time, path in planes:
@@ -113,7 +114,7 @@ def _frames(
         valid = ~inside & np.isfinite(fields["u"])
         for name in FIELDS:
             fields[name][~valid] = np.nan
-        yield time, fields | {"valid": valid.astype(np.uint8)} | fingers
+        yield instant(fields | {"valid": valid.astype(np.uint8)} | fingers)
 
 
 def run(
@@ -144,7 +145,7 @@ def run(
     chosen = np.linspace(0, len(planes) - 1, min(most or len(planes), len(planes)))
     planes = [planes[k] for k in chosen.round().astype(int)]
     mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
-    flat, density, count = scene.model.kind == "2d", scene.fluid.density, len(planes)
+    flat, density = scene.model.kind == "2d", scene.fluid.density
     path = output or scene.out / "sheet.h5"
     about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}
     if scene.obstacle:
@@ -152,9 +153,9 @@ def run(
         about["fixed_bodies"] = json.dumps(
             [np.round(shapely.get_coordinates(shape.exterior)[:-1], 7).tolist() for shape in shapes]
         )
-    pictures = _frames(planes, mirrored, flat, density, kinematics, x, y)
-    with writing_planes(path, x, y, count, about) as file:
-        for k, (time, fields) in enumerate(tqdm(pictures, "sheet", count, disable=quiet or None)):
-            file.write(k, time, fields)
+    shown = tqdm(planes, "sheet", disable=quiet or None)
+    pictures = _frames(shown, mirrored, flat, density, kinematics, x, y)
+    times = np.array([time for time, _ in planes])
+    write_blocks(pictures, path, new_series(times, x, y).assign_attrs(about))
     if not quiet:
-        print(f"sheet: {count} planes of {len(x)}×{len(y)} points")
+        print(f"sheet: {len(planes)} planes of {len(x)}×{len(y)} points")

@@ -2,11 +2,11 @@
 
 import argparse
 
-from fileio.formats.plane_series import read_plane
+from fileio.formats.plane_series import read_plane, write_plane
 from fileio.formats.plane_writer import write_blocks
 from fileio.formats.recording import window_of
 from piv.commands.settings import add_paths
-from piv.fields.derived import QUANTITIES, derived_blocks
+from piv.fields.derived import QUANTITIES, derived, derived_blocks
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.vortices.criteria import SCHEMES
@@ -41,10 +41,12 @@ def run(args: argparse.Namespace) -> None:
     """Read, derive and write in parts."""
     with open_vectors(args.source) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
-        parts = derived_blocks(
-            series, tuple(args.quantities), scheme=args.scheme, correlation_length=length
-        )
-        write_blocks(parts, args.output, series)
+        options = {"scheme": args.scheme, "correlation_length": length}
+        if "time" in series["u"].dims:
+            parts = derived_blocks(series, tuple(args.quantities), **options)
+            write_blocks(parts, args.output, series)
+        else:
+            write_plane(derived(series, tuple(args.quantities), **options), args.output)
         unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
     if args.quiet:
         return

@@ -1,11 +1,13 @@
 """The exact truth of a synthetic recording, as a plane series written plane by plane."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import xarray as xr
 from tqdm import tqdm
 
 from fileio.formats.plane_series import FINGER_VARIABLES, provenance
-from fileio.formats.plane_writer import writing_planes
+from fileio.formats.plane_writer import instant, new_series, write_blocks
 from piv.synthetic.virtual_camera import Recorder, finger_at
 
 
@@ -22,8 +24,10 @@ def write_truth(recorder: Recorder, path: Path, *, quiet: bool = True) -> None:
     about = {k: series.attrs[k] for k in ("tip_width",) if k in series.attrs}
     about |= {"source": "truth", "seed": recorder.seed} | provenance(**recorder.attributes())
     names = [name for name in FINGER_VARIABLES if name in series]
-    with writing_planes(path, x, y, middle.size, about) as file:
-        for i in tqdm(range(middle.size), unit="plane", desc="truth", disable=quiet or None):
-            time = float(middle[i])
-            fields = dict(zip(("u", "v", "valid"), recorder.truth(int(first[i])), strict=True))
-            file.write(i, time, fields | {name: finger_at(series, name, time) for name in names})
+
+    def parts() -> Iterator[xr.Dataset]:
+        for k, time in zip(first, tqdm(middle, "truth", disable=quiet or None), strict=True):
+            fields = dict(zip(("u", "v", "valid"), recorder.truth(int(k)), strict=True))
+            yield instant(fields | {name: finger_at(series, name, time) for name in names})
+
+    write_blocks(parts(), path, new_series(middle, x, y).assign_attrs(about))

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 from fileio.formats.plane_series import make_plane, read_plane, write_plane
-from fileio.formats.plane_writer import writing_planes
+from fileio.formats.plane_writer import instant, new_series, write_blocks
 from fileio.formats.recording import RecordingWriter
 from piv.images.open_recording import open_recording
 
@@ -49,17 +49,16 @@ def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
     plane(tmp_path / "whole.h5")
     valid = np.ones((3, 4), np.uint8)
     fields = [{"u": U[k], "v": -U[k], "valid": valid, "tip": TIP[k]} for k in range(2)]
-    with writing_planes(tmp_path / "new" / "parts.h5", X, Y, 2, {"source": "cfd"}) as file:
-        for k, time in enumerate(TIME):
-            file.write(k, time, fields[k])
+    axes = new_series(TIME, X, Y).assign_attrs(source="cfd")
+    write_blocks(map(instant, fields), tmp_path / "new" / "parts.h5", axes)
     whole, parts = (read_plane(tmp_path / name) for name in ("whole.h5", "new/parts.h5"))
     assert parts.attrs["source"] == "cfd"
     xr.testing.assert_equal(whole, parts)
-    assert all(parts[n].attrs == whole[n].attrs for n in whole.variables if n != "time")
+    assert all(parts[n].attrs == whole[n].attrs for n in whole.variables)
 
 
 def test_a_series_that_fails_halfway_leaves_no_file(tmp_path):
-    refused = pytest.raises(KeyError, match="nothing")
-    with refused, writing_planes(tmp_path / "a.h5", X, Y, 2, {}) as file:
-        file.write(0, 0.5, {"nothing": U[0]})
+    parts = map(instant, [{"u": U[0]}, {"nothing": U[0]}])
+    with pytest.raises(KeyError, match="nothing"):
+        write_blocks(parts, tmp_path / "a.h5", new_series(TIME, X, Y))
     assert not (tmp_path / "a.h5").exists()
