@@ -20,51 +20,76 @@ window = [0.25, 0.75]               # fractions of the change of bend angle; or 
 # window = { stroke = 1, part = [0.25, 1.0] } fractions of one stroke's bend, counted from 0
 # window = { stroke = 1, after = [0.1, 0.3] } s from the start of one stroke
 finger = 0                          # optional, which finger (quantities of a pair take both)
+
+[[sentence]]                        # of the paper on a figure, and the findings that judge it
+quote = "…"                         # as it is printed
+where = "Fig. 11, Results"          # in the paper
+reading = "…"                       # optional: its meaning, where it has several readings
+findings = ["pair-equal"]           # ids; if it cannot be tested: none, and
+why = "…"                           # why not, or what of it the findings leave open
 """
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypeVar
 
+from pydantic import BeforeValidator, StringConstraints, ValidationError, model_validator
+
+from fileio.errors import StageError
+from fileio.provenance import check_version
 from fileio.toml_text import read_toml
+from pipeline.scene.section import NotNegative, Number, Section, validation_sentence
 from postprocess.evidence.evidence import Measured
 from postprocess.evidence.time_windows import Window, read_window
 
-_COMPARISONS = ("<=", ">=", "in range", "equals")
-_KINDS = ("paper", "agreement")
-_SOURCES = ("cfd", "piv", "piv-cfd")  # a laboratory is compared by postprocess.lab
-_REQUIRED = (
-    "id",
-    "kind",
-    "finding",
-    "figure",
-    "quantity",
-    "of",
-    "comparison",
-    "value",
-    "reason",
-    "window",
-)
-
-_Value = float | str | tuple[float, float]
+_Table = TypeVar("_Table", bound=Section)
+_Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
+_Source = Literal["cfd", "piv", "piv-cfd"]  # a laboratory is compared by postprocess.lab
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One checkable statement; the fields are those of the file, see the module's text."""
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class Finding(Section):
+    """One checkable statement; the keys are those of the file, see the module's text."""
 
     id: str
-    kind: str
+    kind: Literal["paper", "agreement"]
     finding: str
     figure: str
     quantity: str
-    of: tuple[str, ...]
-    comparison: str
-    value: _Value
-    reason: str
-    window: Window
-    tolerance: float = 0.0
+    of: Annotated[tuple[_Source, ...], BeforeValidator(_listed)]
+    comparison: Literal["<=", ">=", "in range", "equals"]
+    value: Number | str | tuple[Number, Number]
+    reason: _Text
+    window: Annotated[Window, BeforeValidator(read_window)]
+    tolerance: NotNegative = 0.0
     finger: int = 0
+
+    @model_validator(mode="after")
+    def _comparable(self) -> "Finding":
+        value, ranged = self.value, isinstance(self.value, tuple)
+        if ranged != (self.comparison == "in range") or (ranged and value[0] > value[1]):
+            raise ValueError("comparison 'in range', and no other, needs value = [low, high]")
+        if isinstance(value, str) and self.comparison != "equals":
+            raise ValueError(f"the word {value!r} can only be compared by 'equals'")
+        return self
+
+
+class Sentence(Section):
+    """One sentence of the paper; the keys are those of the file, see the module's text."""
+
+    quote: _Text
+    where: _Text
+    reading: str = ""
+    findings: tuple[str, ...] = ()
+    why: str = ""
+
+    @model_validator(mode="after")
+    def _answered(self) -> "Sentence":
+        if not self.findings and not self.why:
+            raise ValueError("it has neither findings nor why; say why it cannot be tested")
+        return self
 
 
 def is_met(finding: Finding, measured: Measured) -> bool:
@@ -82,63 +107,53 @@ def is_met(finding: Finding, measured: Measured) -> bool:
 
 
 def read_findings(path: Path, quantities: frozenset[str]) -> tuple[Finding, ...]:
-    """The findings of a file, checked; ValueError names file, entry, key and remedy."""
+    """The findings of a file, checked; StageError names file, entry, key and remedy."""
     raw = read_toml(path)
-    if raw.get("format") != "findings" or raw.get("format_version") != 1:
-        raise ValueError(f'{path}: needs format = "findings" and format_version = 1 at its top')
-    findings = tuple(_finding(entry, path, quantities) for entry in raw.get("finding", []))
+    check_version(raw, path, "findings", 1, "state both at its top")
+    findings = _tables(raw, "finding", Finding, path)
     if not findings:
-        raise ValueError(f"{path}: has no [[finding]]; a scene needs at least one to be judged by")
+        raise StageError(f"{path}: has no [[finding]]; a scene needs at least one to be judged by")
     names = [finding.id for finding in findings]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice:
-        raise ValueError(f"{path}: id = {twice!r} occurs twice; give every finding its own id")
+    for finding in findings:
+        if finding.quantity not in quantities:
+            raise StageError(
+                f"{path}: finding {finding.id!r}: quantity = {finding.quantity!r} is not one of"
+                f" {', '.join(sorted(quantities))}"
+            )
+        if names.count(finding.id) > 1:
+            raise StageError(f"{path}: id = {finding.id!r} occurs twice; give each its own id")
     return findings
 
 
-def _finding(entry: dict[str, Any], path: Path, quantities: frozenset[str]) -> Finding:
-    where = f"{path}: finding {entry.get('id', '(without id)')!r}"
-    missing = next((key for key in _REQUIRED if key not in entry), None)
-    if missing:
-        raise ValueError(f"{where} lacks the key {missing!r}")
-    unknown = sorted(set(entry) - set(Finding.__dataclass_fields__))
-    if unknown:
-        raise ValueError(f"{where} has the unknown key {unknown[0]!r}; remove or rename it")
-    for key, allowed in (
-        ("kind", _KINDS),
-        ("comparison", _COMPARISONS),
-        ("quantity", sorted(quantities)),
-    ):
-        if entry[key] not in allowed:
-            raise ValueError(f"{where}: {key} = {entry[key]!r} is not one of {', '.join(allowed)}")
-    of = (entry["of"],) if isinstance(entry["of"], str) else tuple(entry["of"])
-    wrong = next((source for source in of if source not in _SOURCES), None)
-    if wrong or not of:
-        raise ValueError(f"{where}: of = {wrong!r} is not one of {', '.join(_SOURCES)}")
-    if not str(entry["reason"]).strip():
-        raise ValueError(
-            f"{where}: reason is empty; say why the value and its tolerance are what they are"
-        )
-    window = read_window(entry["window"], where)
-    value = _value(entry["value"], entry["comparison"], where)
-    tolerance = float(entry.get("tolerance", 0.0))
-    if tolerance < 0:
-        raise ValueError(f"{where}: tolerance = {tolerance} is negative")
-    checked = {"of": of, "window": window, "value": value, "tolerance": tolerance}
-    return Finding(**(entry | checked))
-
-
-def _value(value: Any, comparison: str, where: str) -> _Value:
-    if comparison == "in range":
-        if not isinstance(value, list) or len(value) != 2 or not value[0] <= value[1]:
-            raise ValueError(
-                f"{where}: comparison 'in range' needs value = [low, high], got {value!r}"
+def read_sentences(path: Path, findings: tuple[Finding, ...]) -> tuple[Sentence, ...]:
+    """The sentences of a file, checked against its findings; StageError."""
+    known = {finding.id for finding in findings}
+    sentences = _tables(read_toml(path), "sentence", Sentence, path)
+    for sentence in sentences:
+        if absent := [name for name in sentence.findings if name not in known]:
+            raise StageError(
+                f"{path}: sentence {sentence.quote[:40]!r}: findings = {absent[0]!r} is no finding"
+                " of this file; give the id of one"
             )
-        return float(value[0]), float(value[1])
-    if isinstance(value, str):
-        if comparison != "equals":
-            raise ValueError(f"{where}: the word {value!r} can only be compared by 'equals'")
-        return value
-    if isinstance(value, list):
-        raise ValueError(f"{where}: value = {value!r} is a list, which only 'in range' takes")
-    return float(value)
+    return sentences
+
+
+def _tables(raw: dict[str, Any], name: str, model: type[_Table], path: Path) -> tuple[_Table, ...]:
+    """The tables of one name; StageError names an entry by its first key."""
+    tables = []
+    for number, entry in enumerate(raw.get(name, [])):
+        try:
+            tables.append(model(**entry))
+        except ValidationError as error:
+            first = str(next(iter(entry.values()), number))[:40]
+            sentence = validation_sentence(error, model)
+            raise StageError(f"{path}: {name} {first!r}: {sentence}") from None
+    return tuple(tables)
+
+
+def judge_sentence(sentence: Sentence, checks: list[dict[str, Any]]) -> dict[str, Any]:
+    """A sentence with its `verdict`: met, not met, undecided or not testable."""
+    met = [check["met"] for check in checks if check["id"] in sentence.findings]
+    worst = next((m for m in (False, None, True) if m in met), "")
+    verdicts = {False: "not met", None: "undecided", True: "met", "": "not testable"}
+    return sentence.model_dump() | {"verdict": verdicts[worst]}

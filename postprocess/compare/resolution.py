@@ -59,4 +59,4 @@ def widened(finding: Finding, by: float) -> Finding:
     limit = finding.value
     assert isinstance(limit, float)
     wide = limit * by if finding.comparison == "<=" else 1.0 - (1.0 - limit) * by
-    return Finding(**(vars(finding) | {"value": wide}))
+    return finding.model_copy(update={"value": wide})

@@ -15,11 +15,16 @@ from fileio.formats.records import COMPARISON, RUN
 from fileio.provenance import versions
 from fileio.record import read_record
 from pipeline.scene.scene import Scene
-from postprocess.compare.findings import Finding, is_met, read_findings
+from postprocess.compare.findings import (
+    Finding,
+    is_met,
+    judge_sentence,
+    read_findings,
+    read_sentences,
+)
 from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.resolution import SCALED, Resolution, resolution, widened
-from postprocess.compare.sentences import judge_sentence, read_sentences
 from postprocess.compare.series import series_table, summary
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence

@@ -68,15 +68,15 @@ class Clock:
         return gap_reached(self, contact) if self.gaps()[1].min() <= contact else None
 
 
-def read_window(value: Any, where: str) -> Window:
-    """The window that a finding gives; ValueError names the place where it is none of the forms."""
+def read_window(value: Any) -> Window:
+    """The window that a finding gives; ValueError where it is none of the forms."""
     table: Any = {"bend": value} if isinstance(value, list) else value
     keys = set(table) if isinstance(table, dict) else set()
     if keys not in ({"bend"}, {"gap"}, {"contact"}, {"stroke", "part"}, {"stroke", "after"}):
-        raise ValueError(f"{where}: window = {value!r} must be one of {_FORMS}")
+        raise ValueError(f"{value!r} must be one of {_FORMS}")
     [kind], stroke = keys - {"stroke"}, int(table.get("stroke", 0))
     if not isinstance(table[kind], list) or len(table[kind]) != 2:
-        raise ValueError(f"{where}: window = {value!r} needs two edges")
+        raise ValueError(f"{value!r} needs two edges")
     a, b = (float(edge) for edge in table[kind])
     right, form = {
         "bend": (0 <= a < b <= 1, "two fractions of the stroke, rising, in 0…1"),
@@ -84,9 +84,9 @@ def read_window(value: Any, where: str) -> Window:
         "contact": (a < b, "two times in s, rising"),
     }[{"part": "bend", "after": "contact"}.get(kind, kind)]
     if not right:
-        raise ValueError(f"{where}: window = {value!r} must be {form}")
+        raise ValueError(f"{value!r} must be {form}")
     if stroke < 0:
-        raise ValueError(f"{where}: window = {value!r}: strokes are counted from 0")
+        raise ValueError(f"{value!r}: strokes are counted from 0")
     return Window(kind, (a, b), stroke)
 
 

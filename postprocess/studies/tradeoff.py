@@ -14,8 +14,6 @@ from fileio.provenance import versions
 from fileio.record import REMEDY
 from pipeline.runs.stages import until
 from pipeline.scene.measurement import piv_settings, render_settings
-from postprocess.draw.style import save
-from postprocess.draw.tradeoff import error_over_cost
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.studies.errors import errors_against, own_errors
 from postprocess.studies.table import (
@@ -149,8 +147,8 @@ def write_results(path: Path, table: pd.DataFrame, best: str, probe: dict[str, f
     write_table(path, rounded, head)
 
 
-def write_tradeoff(path: Path, docs: Path = Path("docs")) -> None:
-    """Write studies/results/tradeoff.csv and docs/tradeoff/<scene>.svg from the plan of a study.
+def write_tradeoff(path: Path) -> None:
+    """Write studies/results/tradeoff.csv of a scene from the plan of its study.
 
     ValueError where runs are missing.
     """
@@ -166,4 +164,3 @@ def write_tradeoff(path: Path, docs: Path = Path("docs")) -> None:
     table = _evaluate(plan, best, {})
     probe = read_json(path.with_name("probe.json"), REMEDY)
     write_results(folder / "studies" / "results" / "tradeoff.csv", table, best, probe)
-    save(error_over_cost(table), docs / "tradeoff" / f"{folder.name}.svg")

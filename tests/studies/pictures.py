@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
 from fileio.atomic import write_bytes
@@ -32,6 +33,7 @@ from piv.vortices.criteria import gradients, vorticity
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
+from postprocess.draw.style import CFD, new_figure, save
 from postprocess.report.wording import requirement
 from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
@@ -95,6 +97,24 @@ def _copy(picture: Path, target: Path) -> None:
         write_bytes(target.with_suffix(".svg"), picture.read_bytes())
     else:
         write_picture(np.asarray(Image.open(picture)), target.with_suffix(".png"))
+
+
+def tradeoff(scene: str) -> None:
+    """Largest error of each level against CPU time of the flow; a line joins those not beaten."""
+    table = Path("cases") / scene / "studies/results/tradeoff.csv"
+    levels = pd.read_csv(table, comment="#").query("kind == 'flow'").dropna(subset="error")
+    figure, axis = new_figure(5.5, 4.6)
+    ahead = levels[levels["front"]].sort_values("cpu_flow_s")
+    axis.plot(ahead["cpu_flow_s"], 100 * ahead["error"], "o-", color=CFD, lw=1.2)
+    for run, cost, error in levels[["run", "cpu_flow_s", "error"]].itertuples(index=False):
+        axis.annotate(run, (cost, 100 * error), (6, 6), textcoords="offset points")
+    axis.set(xscale="log", yscale="log", xlabel="CPU time of the flow, s", ylabel="worst error, %")
+    axis.margins(x=0.2, y=0.1)
+    for side in (axis.xaxis, axis.yaxis):
+        side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        side.set_major_formatter(lambda value, _: f"{value:g}")
+        side.set_minor_formatter(NullFormatter())
+    save(figure, DOCS / f"tradeoff/{scene}.svg")
 
 
 def vortices(path: Path) -> None:
@@ -165,6 +185,7 @@ def main() -> None:
         level = os.environ.get("LEVEL") or "coarse"
         copy_figures(scene, level)
         copy_numbers(scene, level)
+    tradeoff("single_finger")
     vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
     piv_pictures.draw(DOCS)

@@ -139,7 +139,7 @@ CLOCK = Clock(TIME, np.minimum(TIME, 0.5), TIME, GAP, residual_gap=0.0005, start
     ],
 )
 def test_windows(value, expected):
-    assert interval(read_window(value, "here"), CLOCK) == pytest.approx(expected, abs=1e-9)
+    assert interval(read_window(value), CLOCK) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_windows(value, expected):
 )
 def test_windows_that_are_none_are_refused(value, told):
     with pytest.raises(ValueError, match=told):
-        read_window(value, "here")
+        read_window(value)
 
 
 def test_a_gap_that_is_never_reached_and_a_single_finger_are_told():

@@ -6,8 +6,6 @@ import pytest
 
 from fileio.formats.plane_series import make_plane
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
-from postprocess.draw.style import new_figure
-from postprocess.draw.tradeoff import label_points
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.flow_figures import tip_vortices
 from tests.synthetic_stroke import finger_series
@@ -19,18 +17,6 @@ def plane_of(bend_deg):
     x, y = np.linspace(-0.3, 0.3, 61), np.linspace(0.0, 0.3, 31)
     u = np.zeros((len(bend_deg), y.size, x.size))
     return make_plane(x, y, u, u, time=np.array([0.0, 0.1]), valid=np.ones(u.shape, bool), **finger)
-
-
-def test_names_of_crowded_points_do_not_cover_each_other():
-    figure, axis = new_figure(6, 4)
-    points = [(1.0, 1.0), (1.01, 1.0), (1.0, 1.02), (1.02, 1.01), (5.0, 5.0)]
-    axis.scatter(*zip(*points, strict=True))
-    label_points(axis, points, ["draft", "draft_les", "draft_euler", "draft_2ranks", "fine"])
-    figure.canvas.draw()
-    boxes = [text.get_window_extent() for text in axis.texts]
-    assert len(boxes) == 5
-    assert not [(i, j) for i in range(5) for j in range(i) if boxes[i].overlaps(boxes[j])]
-    assert all(box.x1 < axis.bbox.x1 for box in boxes)
 
 
 def test_the_angle_is_that_of_the_instant_and_not_of_the_nearest_frame():

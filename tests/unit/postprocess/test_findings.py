@@ -9,7 +9,7 @@ from postprocess.compare.findings import Finding, is_met, read_findings
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.stage import judge
 from postprocess.evidence.evidence import Evidence, Quantity
-from postprocess.evidence.time_windows import Clock, Window
+from postprocess.evidence.time_windows import Clock
 from postprocess.words import measured_text, quantity
 
 ROOT = Path(__file__).parents[3]
@@ -39,8 +39,8 @@ def write(tmp_path, text):
 
 def finding(comparison, value, tolerance=0.0):
     asked = {"comparison": comparison, "value": value, "tolerance": tolerance}
-    more = {"figure": "", "quantity": "q", "of": ("cfd",), "reason": "r"}
-    return Finding("a", "paper", "f", window=Window("bend", (0.0, 1.0)), **asked, **more)
+    more = {"figure": "", "quantity": "q", "of": ("cfd",), "reason": "r", "window": [0.0, 1.0]}
+    return Finding(id="a", kind="paper", finding="f", **asked, **more)
 
 
 @pytest.mark.parametrize(
@@ -110,17 +110,17 @@ def test_single_finger_asks_for_what_the_project_promises():
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ('id = "a"', "", "lacks the key 'id'"),
-        ('reason = "Because."', 'reason = " "', "reason is empty"),
+        ('id = "a"', "", "id: this key is missing"),
+        ('reason = "Because."', 'reason = " "', "reason: .* at least 1 character"),
         ('= "centre_distance"', '= "beauty"', "quantity = 'beauty' is not one of"),
         ("window = [0.25, 0.75]", "window = [0.75, 0.25]", "must be two fractions"),
-        ("window = [0.25, 0.75]", "window = [0.25, 0.75]\ncolour = 1", "unknown key 'colour'"),
+        ("window = [0.25, 0.75]", "window = [0.25, 0.75]\ncolour = 1", "colour: .* not known"),
         ('comparison = "<="', 'comparison = "in range"', r"needs value = \[low, high\]"),
         ("value = 1.5e-3", 'value = "small"', "only be compared by 'equals'"),
-        ('of = ["piv-cfd"]', 'of = ["guess"]', "of = 'guess' is not one of"),
-        ('= ["piv-cfd"]', '= ["cfd", "lab"]', "of = 'lab' is not one of cfd, piv, piv-cfd"),
-        ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance = -1.0 is negative"),
-        ("format_version = 1", "format_version = 2", "needs format"),
+        ('of = ["piv-cfd"]', 'of = ["guess"]', "of.*guess"),
+        ('= ["piv-cfd"]', '= ["cfd", "lab"]', "of.*lab"),
+        ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance: .* equal to 0"),
+        ("format_version = 1", "format_version = 2", "format_version of this findings file is 2"),
         ('kind = "agreement"', "kind = agreement", "not valid TOML"),
     ],
 )

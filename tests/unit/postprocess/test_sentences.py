@@ -4,9 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from postprocess.compare.findings import read_findings
+from postprocess.compare.findings import (
+    Sentence,
+    judge_sentence,
+    read_findings,
+    read_sentences,
+)
 from postprocess.compare.quantities import QUANTITIES
-from postprocess.compare.sentences import Sentence, judge_sentence, read_sentences
 
 PINCH = Path("cases/pinch/reference/findings.toml")
 FINDINGS = read_findings(PINCH, frozenset(QUANTITIES))
@@ -25,7 +29,9 @@ def test_a_sentence_is_met_where_all_its_findings_are(met, verdict):
     names = tuple("abc"[: len(met)])
     checks = [{"id": name, "met": value} for name, value in zip(names, met, strict=True)]
     other = {"id": "other", "met": False}
-    judged = judge_sentence(Sentence("q", "w", "", names, "why"), [*checks, other])
+    judged = judge_sentence(
+        Sentence(quote="q", where="w", findings=names, why="why"), [*checks, other]
+    )
     assert judged["verdict"] == verdict
 
 
@@ -38,11 +44,11 @@ def test_every_finding_of_the_paper_answers_a_sentence():
 @pytest.mark.parametrize(
     "entry, told",
     [
-        ('quote = "q"', "lacks the key 'where'"),
+        ('quote = "q"', "where: this key is missing"),
         ('quote = "q"\nwhere = "w"', "neither findings nor why"),
         ('quote = "q"\nwhere = "w"\nfindings = ["none"]', "no finding of this file"),
-        ('quote = "q"\nwhere = "w"\nfindings = "a"', r"is no list; write findings = \['a'\]"),
-        ('quote = "q"\nwhere = "w"\nwhy = "y"\nnote = "n"', "unknown key 'note'"),
+        ('quote = "q"\nwhere = "w"\nfindings = "a"', "findings: Input should be a valid tuple"),
+        ('quote = "q"\nwhere = "w"\nwhy = "y"\nnote = "n"', "note: this key is not known"),
     ],
 )
 def test_a_sentence_that_says_too_little_is_refused(tmp_path, entry, told):
