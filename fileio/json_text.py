@@ -1,4 +1,4 @@
-"""JSON files and HDF5 attributes that must hold an object or a list."""
+"""JSON files and HDF5 attributes that must hold an object."""
 
 import json
 import re
@@ -10,16 +10,14 @@ from fileio.errors import StageError
 from fileio.record import check_whole
 
 
-def parse_json(text: str | bytes, place: str | Path, remedy: str, kind: type = dict) -> Any:
-    """The value of `text`, of `kind`; StageError with `place`, fault and `remedy`."""
+def parse_json(text: str | bytes, place: str | Path, remedy: str) -> dict[str, Any]:
+    """The object that `text` is; StageError with `place`, fault and `remedy`."""
     try:
         value = json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:
         raise StageError(f"{place}: not valid JSON ({error}); {remedy}") from error
-    if not isinstance(value, kind):
-        raise StageError(
-            f"{place}: holds a {type(value).__name__}, not a {kind.__name__}; {remedy}"
-        )
+    if not isinstance(value, dict):
+        raise StageError(f"{place}: holds a {type(value).__name__}, not an object; {remedy}")
     return value
 
 
@@ -41,10 +39,10 @@ def flat(table: dict[str, Any], above: str = "") -> dict[str, Any]:
     return values
 
 
-def read_json(path: Path, remedy: str, kind: type = dict) -> Any:
-    """The value of a file; StageError as of `parse_json`."""
+def read_json(path: Path, remedy: str) -> dict[str, Any]:
+    """The object in a file; StageError as of `parse_json`."""
     check_whole(path)
-    return parse_json(path.read_bytes(), path, remedy, kind)
+    return parse_json(path.read_bytes(), path, remedy)
 
 
 def natural_key(path: str | Path) -> list[tuple[int, int | str]]:

@@ -116,11 +116,6 @@ class ResumableFile:
         for dim, size in zip(dims, shape, strict=True):
             if dim not in self._file:
                 self.axis(dim, np.arange(size, dtype=np.int32))
-            elif len(self._file[dim]) != size:
-                raise ValueError(
-                    f"{self.path}: dimension {dim} of {name} is {size}, in the file"
-                    f" {len(self._file[dim])}"
-                )
         variable = self._file.create_dataset(name, shape, "f8")
         begin = 0
         for values in blocks:

@@ -179,7 +179,7 @@ class JsonFormat:
         """The object; StageError where it is damaged, or of another format or version."""
         content = read_json(path, self.remedy)
         check_version(content, path, self.format, self.version, self.remedy)
-        return dict(content)
+        return content
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from pipeline.geometry.sweep import (
     BODY_PATCHES,
     OUTER_PATCHES,
     PolyMesh,
-    Sweep,
     sweep_mesh,
     write_polymesh,
 )
@@ -148,16 +147,7 @@ def sides(planform: xr.Dataset) -> np.ndarray:
 
 def build_mesh(planform: xr.Dataset) -> PolyMesh:
     """Sweep one mesh of `planform.h5`."""
-    sweep = Sweep(
-        planform["triangles"].values,
-        planform["quads"].values,
-        planform["body"].values,
-        tuple(planform["body_name"].values[1:]),
-        tuple(planform["body_half_width"].values[1:]),
-        planform["levels"].values,
-        str(planform.attrs["model"]),
-    )
-    return sweep_mesh(sweep, sides(planform))
+    return sweep_mesh(planform, sides(planform))
 
 
 def patch_types(kind: str) -> dict[str, str]:

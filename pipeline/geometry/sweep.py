@@ -5,25 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+import xarray as xr
 from numpy import ndarray
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from pipeline.geometry.quality import planform_edges
 from pipeline.openfoam.foamfile import END, header, write_bytes, write_list
 from pipeline.scene.obstacle import OBSTACLE_PATCHES
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """A planform and the levels it is swept through; bodies, numbered from 1, have no cells."""
-
-    triangles: ndarray
-    quads: ndarray
-    body: ndarray  # (triangle,) number of the body in whose footprint it lies, 0 in the water
-    body_patch: tuple[str, ...]  # of the walls of bodies 1, 2 …, out of BODY_PATCHES
-    body_half_width: tuple[float, ...]  # reach in |z|, m
-    levels: ndarray  # (level,) z from the back to the front, m
-    model: str  # 2d, half, quarter or full
 
 
 @dataclass(frozen=True)
@@ -45,24 +33,29 @@ class PolyMesh:
         return np.column_stack([nodes[self.node], levels[self.level]])
 
 
-def sweep_mesh(sweep: Sweep, side_of_edge: ndarray) -> PolyMesh:
-    """The swept mesh; `side_of_edge` (edge,): index into OUTER_PATCHES of edges with one cell."""
-    columns = len(sweep.triangles) + len(sweep.quads)
-    layers = len(sweep.levels) - 1
-    middle = 0.5 * (sweep.levels[1:] + sweep.levels[:-1])
-    reach = np.array([-1.0, *sweep.body_half_width])
+def sweep_mesh(planform: xr.Dataset, side_of_edge: ndarray) -> PolyMesh:
+    """A mesh of planform.h5 swept through its levels; bodies have no cells.
+
+    side_of_edge (edge,): index into OUTER_PATCHES of edges with one cell.
+    """
+    triangles, quads, levels = (planform[n].values for n in ("triangles", "quads", "levels"))
+    model = planform.attrs["model"]
+    columns, layers = len(triangles) + len(quads), len(levels) - 1
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    reach = np.array([-1.0, *planform["body_half_width"].values[1:]])
     filled = np.abs(middle)[None, :] < reach[:, None]  # (body, layer)
-    if sweep.model == "2d":
+    if model == "2d":
         filled[1:] = True
-    body = np.concatenate([sweep.body, np.zeros(len(sweep.quads), int)])
+    body = np.concatenate([planform["body"].values, np.zeros(len(quads), int)])
     exists = ~filled[body]
-    patch_of = np.array([-1, *(_PATCHES.index(name) for name in sweep.body_patch)])[body]
-    edges = planform_edges(sweep.triangles, sweep.quads)
+    walls = planform["body_name"].values[1:]
+    patch_of = np.array([-1, *(_PATCHES.index(name) for name in walls)])[body]
+    edges = planform_edges(triangles, quads)
     number = _cell_numbers(exists, edges.left, edges.right, columns)
 
     nodes_of = np.full((columns, 4), -1)
-    nodes_of[: len(sweep.triangles), :3] = sweep.triangles
-    nodes_of[len(sweep.triangles) :] = sweep.quads
+    nodes_of[: len(triangles), :3] = triangles
+    nodes_of[len(triangles) :] = quads
     used = np.zeros((int(nodes_of.max()) + 1, layers + 1), bool)
     for k in range(layers):
         corner = nodes_of[exists[:, k]]
@@ -72,7 +65,7 @@ def sweep_mesh(sweep: Sweep, side_of_edge: ndarray) -> PolyMesh:
     point[used] = np.arange(used.sum())  # node by node: a column's points lie together
     faces = [
         *_lateral(edges, exists, number, point, patch_of, side_of_edge),
-        *_across(nodes_of, exists, number, point, patch_of, sweep.model),
+        *_across(nodes_of, exists, number, point, patch_of, model),
     ]
     corner = np.concatenate([f[0] for f in faces])
     own = np.concatenate([f[1] for f in faces])

@@ -12,6 +12,7 @@ from pipeline.scene.sections import Chambers
 
 # of the width of a gap between two chambers
 _ROUNDING = 0.35  # radius of its corners
+_TIP_PIECES, _POINTS = 8, 141  # of the tip, and of a profile of constant curvature
 _STEP = 0.1  # from point to point of an outline with gaps
 
 
@@ -166,13 +167,13 @@ class FingerShapes:
         return on_curve + (strip.eta * thickness)[:, None] * dorsal - root
 
 
-def add_tip(states: States, length: float, thickness: float | None, pieces: int = 8) -> States:
+def add_tip(states: States, length: float, thickness: float | None) -> States:
     """States with a straight tip of `length` along the end's tangent, tapering to `thickness`."""
     if length <= 0:
         return states
     last = np.diff(states.profile[:, -2:], axis=1)[:, 0]
     tangent = last / np.hypot(last[:, :1], last[:, 1:])
-    steps = np.linspace(0, length, pieces + 1)[1:]
+    steps = np.linspace(0, length, _TIP_PIECES + 1)[1:]
     extension = states.profile[:, -1:, :] + steps[None, :, None] * tangent[:, None, :]
     end = states.thickness[:, -1:]
     goal = end if thickness is None else np.full_like(end, thickness)
@@ -185,15 +186,13 @@ def add_tip(states: States, length: float, thickness: float | None, pieces: int 
     )
 
 
-def circular_states(
-    pressure: ndarray, bend: ndarray, length: float, thickness: float, points: int = 141
-) -> States:
+def circular_states(pressure: ndarray, bend: ndarray, length: float, thickness: float) -> States:
     """States of constant curvature: a profile of fixed `length` bent by `bend` (state,) rad."""
-    s = np.linspace(0, 1, points)
+    s = np.linspace(0, 1, _POINTS)
     angle = bend[:, None] * (0.5 * (s[1:] + s[:-1]))[None]
-    piece = (length / (points - 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    piece = (length / (_POINTS - 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     # chords of a circle are shorter than its arc: keep the points on the circle
-    half = bend[:, None] / (points - 1) / 2
+    half = bend[:, None] / (_POINTS - 1) / 2
     piece = piece * np.sinc(half / np.pi)[..., None]
     profile = np.concatenate([np.zeros((len(pressure), 1, 2)), np.cumsum(piece, axis=1)], axis=1)
-    return States(pressure, profile, np.full((len(pressure), points), thickness))
+    return States(pressure, profile, np.full((len(pressure), _POINTS), thickness))

@@ -9,15 +9,15 @@ if not BASE.is_dir():  # installed from a wheel
     BASE = Path(__file__).with_name("base")
 
 
-def template_files(base: Path = BASE) -> list[Path]:
+def template_files() -> list[Path]:
     """The files of the base case but editors' backups, by relative name; StageError without any."""
     files = [
         p
-        for p in base.rglob("*")
+        for p in BASE.rglob("*")
         if p.is_file() and not p.name.startswith(".") and p.name[-1] != "~"
     ]
     if not files:
         raise StageError(
-            f"{base}: the base case is missing; restore it with git checkout cases/_base"
+            f"{BASE}: the base case is missing; restore it with git checkout cases/_base"
         )
-    return sorted(files, key=lambda path: path.relative_to(base).as_posix())
+    return sorted(files, key=lambda path: path.relative_to(BASE).as_posix())

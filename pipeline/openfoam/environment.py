@@ -119,12 +119,12 @@ def foam_version() -> str:
     return f"v{number}"
 
 
-def run_tool(arguments: list[str], case: Path, log: str) -> None:
-    """Run one of OpenFOAM's utilities in `case`, its output in `log`.
+def run_tool(arguments: list[str], case: Path) -> None:
+    """Run one of OpenFOAM's utilities in `case`, its output in a log of its name.
 
     StageError with its last lines on failure; OSError where the disk is full.
     """
-    path = case / log
+    path = case / f"log.{arguments[0]}"
     with name_in_errors(path), open(path, "w", encoding="utf-8") as output:
         done = subprocess.run(
             arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
@@ -134,10 +134,10 @@ def run_tool(arguments: list[str], case: Path, log: str) -> None:
         raise StageError(f"{arguments[0]} failed in {case}; its last lines:\n{last_lines(path)}")
 
 
-def last_lines(path: Path, count: int = 25) -> str:
+def last_lines(path: Path) -> str:
     """The end of a log."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-    return "\n".join(lines[-count:])
+    return "\n".join(lines[-25:])
 
 
 def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False) -> list[str]:

@@ -81,7 +81,7 @@ def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
     set_number(case, "startTime", time_name(mesh.interval.begin))
     set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
     files = COLLATED if ranks.collated else ()
-    run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case, "log.decomposePar")
+    run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case)
 
 
 def partition_columns(

@@ -11,7 +11,6 @@ from fileio.formats.records import RUN
 from fileio.lock import exclusive
 from fileio.provenance import versions
 from pipeline.case import write_numbers
-from pipeline.cost import Spent
 from pipeline.openfoam.displacement_files import Steps, remove_frames, steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
@@ -25,7 +24,7 @@ from pipeline.scene.scene import Scene
 
 
 def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> Spent:  # fmt: skip
+        collated: bool = False) -> dict[str, float]:  # fmt: skip
     """Solve and write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
 
     `collated`: the ranks share their files.
@@ -88,9 +87,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         summary = collect_results(
             scene.out, cases, meshes, layout, scene.fluid, convection, budgets
         )
-    earlier = Spent()
-    for before, _ in spent:
-        earlier += Spent(before["wall_time"], before["cpu_time"])
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     about = {
         "versions": {"OpenFOAM": version} | versions(),
@@ -111,4 +107,4 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         times = ", ".join(f"{at:g} s" for _, now in spent for at in now["resumed"])
         more = f", resumed at {times}" if times else ""
         print(f"run: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
-    return earlier
+    return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}

@@ -30,7 +30,6 @@ from fileio.record import (
     record_path,
     write_record,
 )
-from pipeline.cost import Spent
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, take_over, targets
@@ -166,7 +165,7 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         about |= {"made_from": run.made_from(stage), "versions": versions()}
         forget(run.out, stage, about["digest"])
         _check_inputs(run, step)
-        earlier = _call(run, step, machine, quiet) or Spent()
+        earlier = _call(run, step, machine, quiet) or {}
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)
         write_record(run.out, stage, about, sorted(found))
@@ -206,7 +205,7 @@ def _check_inputs(run: Run, step: Stage) -> None:
                 check_whole(run.out / output)
 
 
-def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:
+def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> dict[str, float] | None:
     """Call a stage's function; returns the cost of interrupted runs that it resumed."""
     module, options = import_module(step.module), machine.options(step)
     if step.piv:
@@ -216,17 +215,17 @@ def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> Spent | None:
         return None
     if step is FEA:
         options["output"] = run.path(FEA.name)
-    spent: Spent | None = module.run(run.scene, quiet, **options)
+    spent: dict[str, float] | None = module.run(run.scene, quiet, **options)
     return spent
 
 
-def _cost(wall_time: float, earlier: Spent) -> dict[str, Any]:
+def _cost(wall_time: float, earlier: dict[str, float]) -> dict[str, Any]:
     """Wall and CPU time (s) and peak memory (bytes) of this process and its children."""
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cpu = sum(usage.ru_utime + usage.ru_stime for usage in usages)
     return {
-        "wall_time": round(earlier.wall_time + wall_time, 3),
-        "cpu_time": round(earlier.cpu_time + cpu, 3),
+        "wall_time": round(earlier.get("wall_time", 0.0) + wall_time, 3),
+        "cpu_time": round(earlier.get("cpu_time", 0.0) + cpu, 3),
         "peak_memory": max(usage.ru_maxrss for usage in usages) * 1024,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }

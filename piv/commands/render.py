@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fileio.formats.plane_series import read_plane
-from piv.commands.settings import add_fields, add_paths, build, existing, run_with
+from piv.commands.settings import add_fields, add_paths, build, run_with
+from piv.foreign.read import open_vectors
 from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
@@ -51,7 +51,7 @@ def make(
     `threads`.
     """
     camera, seeding = build(settings, Camera, Seeding, more=("seed", "truth"))
-    with read_plane(existing(source)) as series:
+    with open_vectors(source) as series:
         path = render_recording(
             series,
             output,

@@ -65,13 +65,3 @@ def report(path: str | Path) -> None:
     """Print what a file of vectors holds."""
     with read_plane(path) as plane:
         print(f"{path}: {summary(plane)}")
-
-
-def existing(path: str | Path) -> Path:
-    """`path` as a Path; FileNotFoundError with one sentence where there is no such file."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"{path}: {'is a folder; give a file' if path.is_dir() else 'no such file'}"
-        )
-    return path

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fileio.formats.vortex_table import write_vortices
-from piv.commands.settings import add_fields, add_paths, build, existing, run_with
+from piv.commands.settings import add_fields, add_paths, build, run_with
 from piv.foreign.read import open_vectors
 from piv.foreign.write import units_of
 from piv.vortices.find import VortexSettings
@@ -40,7 +40,7 @@ def make(
     `settings`: the flags by name; ValueError for other keys. `threads` processes share the planes.
     """
     vortex, tracking = build(settings, VortexSettings, TrackingSettings)
-    with open_vectors(existing(source)) as series:
+    with open_vectors(source) as series:
         table = tabulate_vortices(series, vortex, tracking, processes=threads, quiet=quiet)
         length = units_of(series)[0]
     write_vortices(table, output, source=Path(source).name, **asdict(vortex), **asdict(tracking))

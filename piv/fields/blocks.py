@@ -7,9 +7,9 @@ import xarray as xr
 from fileio.formats.plane_series import BLOCK, check_vectors, fields_of
 
 
-def blocks(series: xr.Dataset, names: list[str] | None = None) -> Iterator[xr.Dataset]:
-    """The series' fields (or `names`) in checked parts along time; a plane as a series of one."""
-    data = series[names or fields_of(series)]
+def blocks(series: xr.Dataset) -> Iterator[xr.Dataset]:
+    """The series' fields in checked parts along time; a plane as a series of one."""
+    data = series[fields_of(series)]
     if "time" not in data.dims:
         data = data.expand_dims("time").assign_coords(time=[float(data.coords.get("time", 0.0))])
     step = max(1, BLOCK // (data.sizes["y"] * data.sizes["x"]))

@@ -26,7 +26,7 @@ from piv.foreign.write import units_of
 from piv.images.calibration import Calibration, calibrate_plane
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-_VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6}
+_VELOCITIES = [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")]
 
 
 def to_plane(
@@ -48,17 +48,16 @@ def to_plane(
     option that contradicts the file.
     """
     length = _agreed(name, "--length-unit", vectors.length_unit, length_unit, [*LENGTHS, "px"])
-    speeds = [*_VELOCITIES, "px/frame", *(f"{u}/frame" for u in LENGTHS)]
     stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
-    velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, [*speeds, "px/s"])
+    velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, _VELOCITIES)
     direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
 
-    in_px = (
+    pixels = (
         (length, velocity) == ("px", "px/frame") and scale_mm_per_px is None and interval_s is None
     )
 
     def factor(unit: str) -> float:
-        if in_px:
+        if pixels:
             return 1.0
         if unit != "px":
             return LENGTHS[unit]
@@ -66,15 +65,14 @@ def to_plane(
             raise ValueError(f"{name}: the file is in px; give a positive --scale-mm-per-px")
         return scale_mm_per_px * 1e-3
 
-    if velocity in _VELOCITIES:
-        speed = _VELOCITIES[velocity]
-    else:
-        unit, per = velocity.split("/")
-        if per == "frame" and not in_px and (interval_s is None or not interval_s > 0):
+    unit, per = velocity.split("/")
+    speed = factor(unit)
+    if per == "frame" and not pixels:
+        if interval_s is None or not interval_s > 0:
             raise ValueError(
                 f"{name}: displacements per frame; give the time between exposures, --interval"
             )
-        speed = factor(unit) / (interval_s if per == "frame" and interval_s else 1.0)
+        speed /= interval_s
     x, y, u, v, flag = (
         vectors.x * factor(length),
         vectors.y,
@@ -97,16 +95,12 @@ def to_plane(
     valid &= np.isfinite(u) & np.isfinite(v)
     u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
     plane = make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
-    return with_units(plane, "px", "px", "frame") if in_px else plane
+    return in_px(plane, "frame") if pixels else plane
 
 
-def with_units(plane: xr.Dataset, length: str, velocity: str, time: str) -> xr.Dataset:
-    """The plane with the units that its numbers are in."""
-    units = (
-        {"time": time}
-        | dict.fromkeys("xy", length)
-        | dict.fromkeys(("u", "v", "u_std", "v_std"), velocity)
-    )
+def in_px(plane: xr.Dataset, time: str) -> xr.Dataset:
+    """The plane with px as the unit of axes and vectors, and the unit `time` of its instants."""
+    units = {"time": time} | dict.fromkeys(("x", "y", "u", "v", "u_std", "v_std"), "px")
     for name in units.keys() & plane.variables.keys():
         plane[name].attrs["units"] = units[str(name)]
     return plane
@@ -187,18 +181,18 @@ def read_vectors(
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
                 raise ValueError(f"{path}: its grid differs from that of {files[0].name}")
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
-    in_px = first["x"].attrs["units"] == "px"
+    pixels = first["x"].attrs["units"] == "px"
     try:
-        time, unit = _times(times, rate, in_px)
+        time, unit = _times(times, rate, pixels)
     except ValueError as error:
         raise ValueError(f"{files[0]}: {error}") from None
     series = make_plane(first["x"].values, first["y"].values, time=time, **stack)
     series["time"].attrs["units"] = unit
     series = series.assign_attrs(attrs)
-    return with_units(series, "px", "px", unit) if in_px else series
+    return in_px(series, unit) if pixels else series
 
 
-def _times(times: list[float | None], rate: float | None, in_px: bool) -> tuple[ndarray, str]:
+def _times(times: list[float | None], rate: float | None, pixels: bool) -> tuple[ndarray, str]:
     """Times of instants and their unit: the files' own, else of `rate` (Hz), else frames.
 
     ValueError where `rate` contradicts the files, and where vectors in m/s have no times.
@@ -211,7 +205,7 @@ def _times(times: list[float | None], rate: float | None, in_px: bool) -> tuple[
         return stated, "s"
     if rate is not None:
         return np.arange(len(times)) / rate, "s"
-    if not in_px:
+    if not pixels:
         raise ValueError(f"{len(times)} instants are a series in time; give --rate")
     return np.arange(len(times), dtype=float), "frame"
 

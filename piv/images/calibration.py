@@ -7,7 +7,7 @@ origin) * scale. With one, px are turned to image rows, freed of distortion (Ope
 """
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +18,14 @@ from numpy import ndarray
 from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
-from fileio.atomic import write_text
 from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable, vectors_of
+from fileio.schema import JsonFormat
 from piv.images.clock import interval_of, seconds
 from piv.images.open_recording import row_to_y_px
 
 _DISTORTION_COUNTS = (4, 5, 8, 12, 14)  # that OpenCV knows
 MODELS_HELP = "distortion model: standard (5 coefficients) or rational (8, for very wide lenses)"
-FORMAT = "piv-calibration"
-FORMAT_VERSION = 1
+_FILE = JsonFormat("piv-calibration", "make it again with piv calibrate")
 _NEWTON_STEPS = 8
 # in area against the board: more is the lens model running away where it saw no target
 _MAX_STRETCH = 3.0
@@ -55,7 +54,6 @@ class Calibration:
     origin_x_px: float = 0.0
     origin_y_px: float = 0.0
     lens: Lens | None = None
-    notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.scale_mm_per_px) and self.scale_mm_per_px > 0):
@@ -116,9 +114,7 @@ def from_points(
             f"two different points and a positive distance are needed, got {length:g} px, "
             f"{distance_mm:g} mm"
         )
-    return Calibration(
-        distance_mm / length, *origin_px, notes={"points_px": [*first_px, *second_px]}
-    )
+    return Calibration(distance_mm / length, *origin_px)
 
 
 def _flip(points: ndarray, lens: Lens) -> ndarray:
@@ -173,18 +169,13 @@ def _unsheet(lens: Lens, points: ndarray) -> ndarray:
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the small JSON file."""
-    whole = {"format": FORMAT, "format_version": FORMAT_VERSION} | asdict(calibration)
-    write_text(path, json.dumps(whole, indent=1, default=lambda a: a.tolist()) + "\n")
+    _FILE.write(Path(path), asdict(calibration))
 
 
 def load_calibration(path: str | Path) -> Calibration:
     """Read the JSON file; ValueError where it is another thing."""
     try:
-        whole = json.loads(Path(path).read_text())
-        if not isinstance(whole, dict) or whole.get("format") != FORMAT:
-            raise ValueError(f"format is not {FORMAT!r}")
-        if int(whole.get("format_version", 0)) > FORMAT_VERSION:
-            raise ValueError("written by a newer version of this project")
+        whole = _FILE.read(Path(path))
         lens = whole.get("lens")
         if lens is not None:
             count = np.size(lens["distortion"])
@@ -206,7 +197,7 @@ def load_calibration(path: str | Path) -> Calibration:
                 views,
             )
         scale, x0, y0 = (float(whole[k]) for k in ("scale_mm_per_px", "origin_x_px", "origin_y_px"))
-        return Calibration(scale, x0, y0, lens=lens, notes=whole.get("notes", {}))
+        return Calibration(scale, x0, y0, lens)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{path}: not a calibration file ({error})") from error
 

@@ -113,8 +113,7 @@ def calibrate_target(
         rms = float(np.sqrt(np.mean(np.sum((back - straight) ** 2, axis=1))))
     to_sheet, scale = _square_view(to_board, straight.mean(axis=0))
     lens = Lens((columns, rows), matrix, np.ravel(distortion), to_sheet, float(rms), len(used))
-    notes = {"target": repr(target), "model": model, "corners": sum(len(p) for p in image_points)}
-    return Calibration(1e3 * scale, *origin_px, lens=lens, notes=notes), used
+    return Calibration(1e3 * scale, *origin_px, lens), used
 
 
 def _square_view(to_board: ndarray, centre: ndarray) -> tuple[ndarray, float]:

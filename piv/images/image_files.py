@@ -23,8 +23,6 @@ def to_grey(image: ndarray, colour: str, name: str) -> ndarray:
     Really coloured images need a rule: "luma" (Rec. 601) or "green" (the sharpest channel of a
     Bayer sensor under green laser light); with "refuse" they raise ValueError.
     """
-    if colour not in COLOURS:
-        raise ValueError(f"colour must be one of {', '.join(COLOURS)}, got {colour!r}")
     if image.dtype not in (np.uint8, np.uint16):
         raise ValueError(
             f"{name}: pixels are {image.dtype}; convert to 8 or 16 bit unsigned integers"

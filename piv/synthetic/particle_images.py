@@ -116,8 +116,6 @@ def expose(
     Poisson's law, good above ~20 electrons per pixel. Values are rounded and saturate at 2**bits -
     1.
     """
-    if not 1 <= bits <= 16:
-        raise ValueError(f"bits must be 1 to 16, got {bits}")
     level = light.astype(float32) + float32(background)
     if read_noise > 0 or electrons_per_level > 0:
         noise = rng.standard_normal(level.shape, dtype=float32)

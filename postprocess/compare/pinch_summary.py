@@ -80,7 +80,6 @@ def integral_numbers(
     ventral, dorsal = pair_of(integrals, *VENTRAL), pair_of(integrals, *DORSAL)
     at = formed(times, ventral, width)
     out: _Numbers = {"ventral_forms_time": at, "ventral_forms_gap": None}
-    out["ventral_forms_before_contact"] = None if at is None or met is None else met - at
     out["ventral_circulation_peak"] = out["ventral_part"] = out["ventral_rise_peak"] = None
     if at is not None:
         out["ventral_forms_gap"] = float(clock.gap_at(np.array([at]))[0])

@@ -88,9 +88,8 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset, reach: float = np.inf) 
 
     `reach` (m): within it of a tip of `reference` alone.
 
-    Columns: time, points, share (of other's valid points outside the body), difference2,
-    reference2, other2, product (sums of |b − a|², |a|², |b|², a·b in m²/s²), mean_du, mean_dv
-    (m/s). One frame is in memory at a time.
+    Columns: time, points, difference2, reference2, other2, product (sums of |b − a|², |a|², |b|²,
+    a·b in m²/s²). One frame is in memory at a time.
     """
     x, y = reference["x"].values, reference["y"].values
     new_x, new_y = other["x"].values, other["y"].values
@@ -104,12 +103,10 @@ def field_sums(reference: xr.Dataset, other: xr.Dataset, reach: float = np.inf) 
         b, b_ok = frame(other, int(index))
         both = a_ok & b_ok
         a, b = a[:, both], b[:, both]
-        shift = (b - a).mean(axis=1) if both.any() else np.zeros(2)
         sums = [((b - a) ** 2).sum(), (a**2).sum(), (b**2).sum(), (a * b).sum()]
-        rows.append([time, int(both.sum()), both.sum() / max(a_ok.sum(), 1), *sums, *shift])
+        rows.append([time, int(both.sum()), *sums])
     sums_named = ["difference2", "reference2", "other2", "product"]
-    names = ["time", "points", "share", *sums_named, "mean_du", "mean_dv"]
-    return pd.DataFrame(rows, columns=names)
+    return pd.DataFrame(rows, columns=["time", "points", *sums_named])
 
 
 def rms_difference(sums: pd.DataFrame) -> float:
@@ -141,7 +138,6 @@ def field_series(sums: pd.DataFrame, rest_speed: float) -> pd.DataFrame:
             "time": sums["time"],
             "velocity_rms_difference": difference.where(sums["points"] > 0),
             "velocity_correlation": sums["product"] / norm.where(moving),
-            "common_share": sums["share"],
         }
     )
 
@@ -159,10 +155,3 @@ def difference(reference: xr.Dataset, other: xr.Dataset, times: np.ndarray) -> x
             out[name][k] = np.where(known & ok, values, np.nan)
         out["valid"][k] = known & ok
     return out
-
-
-def on_grid(plane: xr.Dataset, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities (time, 2, y, x) of a series on other axes, and where they are whole."""
-    axes = plane["x"].values, plane["y"].values, x, y
-    out = [_onto_grid(*frame(plane, k), *axes) for k in range(plane.sizes["time"])]
-    return np.stack([v for v, _ in out]), np.stack([ok for _, ok in out])

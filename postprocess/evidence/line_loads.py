@@ -13,7 +13,7 @@ def loads_of_sheet(sheet: xr.Dataset, measured: xr.Dataset) -> xr.Dataset:
     return line_loads(sheet, (float(x), float(y)), float(measured.attrs["density"]))
 
 
-def load_table(measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0) -> pd.DataFrame:
+def load_table(measured: xr.Dataset, simulated: xr.Dataset) -> pd.DataFrame:
     """Moments of both sources over their common time: `time`, `moment_piv`, `_piv_std`, `_cfd`.
 
     measured: a series of `piv pressure` in the simulation's frame and clock. simulated:
@@ -22,12 +22,12 @@ def load_table(measured: xr.Dataset, simulated: xr.Dataset, finger: int = 0) -> 
     """
     times, clock = measured["time"].values, simulated["time"].values
     times = times[(times >= clock[0]) & (times <= clock[-1])]
-    found, own = measured.sel(time=times), simulated["line_moment"].values[:, finger]
+    found, own = measured.sel(time=times), simulated["line_moment"].values[:, 0]
     return pd.DataFrame(
         {
             "time": times,
-            "moment_piv": found["line_moment"].values[:, finger],
-            "moment_piv_std": found["line_moment_std"].values[:, finger],
+            "moment_piv": found["line_moment"].values[:, 0],
+            "moment_piv_std": found["line_moment_std"].values[:, 0],
             "moment_cfd": np.interp(times, clock, own),
         }
     )

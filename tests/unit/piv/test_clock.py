@@ -6,7 +6,7 @@ import pytest
 
 from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv import open_recording, open_vectors
-from piv.foreign.read import with_units
+from piv.foreign.read import in_px
 from piv.images.clock import frame_times, set_clock
 from piv.images.open_recording import PAIRINGS
 from piv.sequence.sequence import alternating
@@ -32,7 +32,7 @@ def test_a_spectrum_has_its_peak_at_the_true_frequency(tmp_path):
     time, interval, frequency = np.arange(256) + 0.5, 0.002, 8.475
     x, y = np.arange(0, 64, 8.0), np.arange(0, 48, 8.0)
     u = np.sin(2 * np.pi * frequency * time * interval)[:, None, None] + np.zeros((256, 6, 8))
-    plane = with_units(make_plane(x, y, u, 0 * u, time=time), "px", "px", "frame")
+    plane = in_px(make_plane(x, y, u, 0 * u, time=time), "frame")
     attrs = provenance(pairing=NEIGHBOURS, skip=0, frames=2, window=32.0)
     write_plane(plane.assign_attrs(attrs), tmp_path / "x.h5")
     made("calibrate", "--scale-mm-per-px", 0.1, "-o", tmp_path / "c.json")

@@ -9,7 +9,7 @@ import xarray as xr
 
 from fileio import command
 from fileio.formats.plane_series import make_plane, write_plane
-from piv.foreign.read import open_vectors, read_vectors, with_units
+from piv.foreign.read import in_px, open_vectors, read_vectors
 from piv.foreign.write import write_vectors
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.piv_command import made, piv
@@ -25,7 +25,7 @@ def series_px(n=3, std=0.05):
     u, v = (np.where(valid, f, np.nan) for f in (u, v))
     more = {n: np.where(valid, std, np.nan) for n in ("u_std", "v_std")}
     plane = make_plane(x, y, u, v, time=np.arange(n) + 0.5, valid=valid, **more)
-    return with_units(plane, "px", "px", "frame")
+    return in_px(plane, "frame")
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv import VortexSettings, open_recording, part_of_recording
 from piv.commands.correlate import make as make_vectors
-from piv.foreign.read import with_units
+from piv.foreign.read import in_px
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import open_scene
@@ -45,7 +45,7 @@ def folder(tmp_path_factory):
     u, v = (np.stack([a] * 3) for a in flow(*np.meshgrid(x, y)))
     std = np.full(u.shape, 0.02)
     time = 2 * np.arange(3) + 0.5
-    plane = with_units(make_plane(x, y, u, v, time=time, u_std=std, v_std=std), "px", "px", "frame")
+    plane = in_px(make_plane(x, y, u, v, time=time, u_std=std, v_std=std), "frame")
     attrs = provenance(window=16.0, pairing="1-2,3-4", every=1)
     write_plane(plane.assign_attrs(attrs), folder / "piv.h5")
     return folder
