@@ -5,7 +5,10 @@ from piv.__main__ import main
 
 def piv(*words) -> int:
     """Exit code of `piv` with these words."""
-    return main([str(word) for word in words])
+    try:
+        return main([str(word) for word in words])
+    except SystemExit as end:  # of an argument that is none
+        return int(end.code or 0)
 
 
 def made(*words) -> None:

@@ -11,8 +11,8 @@ from tqdm import tqdm
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import checked
 from fileio.formats.vortex_table import read_vortices
-from piv.commands.plot import add_style, check_style, style_of
-from piv.commands.settings import add_paths
+from piv.commands.plot import add_style, style_of
+from piv.commands.settings import add_paths, at_least, positive
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.plots.film import write_film
@@ -21,8 +21,8 @@ from piv.plots.film import write_film
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv animate`."""
     add_paths(parser, ".mp4, .webm or .gif")
-    parser.add_argument("--fps", type=float, default=20.0, help="pictures per second (default 20)")
-    parser.add_argument("--every", type=int, default=1, help="use each n-th instant")
+    parser.add_argument("--fps", type=positive, default=20, help="pictures per second (default 20)")
+    parser.add_argument("--every", type=at_least(1, int), default=1, help="use each n-th instant")
     add_style(parser)
 
 
@@ -32,9 +32,6 @@ def run(args: argparse.Namespace) -> None:
 
     from piv.plots.vectors import draw, speed_scale, vortices_at, vorticity_scale
 
-    if args.every < 1 or not args.fps > 0:
-        raise ValueError("--every must be at least 1 and --fps positive")
-    check_style(args)
     with checked(open_vectors(args.source), args.source) as planes:
         if "time" not in planes.dims:
             raise ValueError(f"{args.source}: a single instant; use 'piv plot'")

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from fileio.formats.plane_series import OUTLIER, VECTORS
+from piv.commands.settings import at_least, positive
 from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
@@ -37,11 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--y-axis", choices=("up", "down"), help="direction of y and of positive v in the file"
     )
-    parser.add_argument("--scale-mm-per-px", type=float)
-    parser.add_argument("--interval", type=float, help=INTERVAL_HELP)
-    parser.add_argument("--rate", type=float, help=f"{RATE_HELP}, of a series without times")
+    parser.add_argument("--scale-mm-per-px", type=positive)
+    parser.add_argument("--interval", type=positive, help=INTERVAL_HELP)
+    parser.add_argument("--rate", type=positive, help=f"{RATE_HELP}, of a series without times")
     parser.add_argument(
-        "--image-rows", type=int, help="height of the image, for px that count downwards"
+        "--image-rows",
+        type=at_least(1, int),
+        help="height of the image, for px that count downwards",
     )
     parser.add_argument(
         "--keep-replaced",
@@ -64,10 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Convert."""
-    for name in ("scale_mm_per_px", "interval", "rate", "image_rows"):
-        value = getattr(args, name)
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise ValueError(f"--{name.replace('_', '-')} must be positive, got {value:g}")
     plane = read_vectors(
         args.input,
         kind=args.kind,

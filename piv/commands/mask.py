@@ -12,6 +12,7 @@ from tqdm import tqdm
 from fileio.atomic import write_bytes
 from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_netcdf
+from piv.commands.settings import at_least, positive
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import PAIRINGS
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_polygon
@@ -35,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     kind.add_argument("--dark", action="store_true", help="find the dark body in every frame")
     parser.add_argument(
-        "--scale-mm-per-px", type=float, help="of --outline, where the recording has none"
+        "--scale-mm-per-px", type=positive, help="of --outline, where the recording has none"
     )
     parser.add_argument(
         "--origin", type=float, nargs=2, metavar=("X", "Y"), help="px, y up; of --outline"
@@ -45,35 +46,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=float, help=f"{RATE_HELP}; of --outline, where the recording has no times"
     )
     parser.add_argument(
-        "--threshold", type=float, help="grey level of --dark (default: from each frame)"
+        "--threshold", type=at_least(0), help="grey level of --dark (default: from each frame)"
     )
     parser.add_argument(
         "--smooth",
-        type=float,
+        type=at_least(1),
         default=6.0,
         help="px over which gaps between particles close (default 6)",
     )
     parser.add_argument(
         "--min-area",
-        type=float,
+        type=at_least(0),
         default=0.002,
         help="least body, fraction of the image (default 0.002)",
     )
     parser.add_argument(
-        "--grow", type=int, default=3, help="margin round the dark body, px (default 3)"
+        "--grow",
+        type=at_least(0, int),
+        default=3,
+        help="margin round the dark body, px (default 3)",
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the masks."""
-    leasts = {"smooth": 1.0, "min_area": 0.0, "grow": 0, "threshold": 0.0, "scale_mm_per_px": 1e-9}
-    for name, least in leasts.items():
-        value = getattr(args, name)
-        if value is not None and not value >= least:
-            raise ValueError(
-                f"--{name.replace('_', '-')} must be at least {least:g}, got {value:g}"
-            )
     if args.min_area >= 1:
         raise ValueError(f"--min-area is a part of the picture, below 1, got {args.min_area:g}")
     with open_recording(args.recording) as recording:

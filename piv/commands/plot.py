@@ -8,7 +8,7 @@ import numpy as np
 from fileio.atomic import write_bytes
 from fileio.formats.plane_series import checked, usable
 from fileio.formats.vortex_table import read_vortices
-from piv.commands.settings import add_paths
+from piv.commands.settings import add_paths, at_least, positive
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.plots.vectors import Style, draw, shaded, unit_of, vortices_at
@@ -30,9 +30,9 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--vortices", help="vortices.csv, to mark centres and cores")
     parser.add_argument("--metres", action="store_true", help="axes in m instead of mm")
     parser.add_argument(
-        "--vorticity-limit", type=float, help="end of the colour scale, 1/s or 1/frame"
+        "--vorticity-limit", type=positive, help="end of the colour scale, 1/s or 1/frame"
     )
-    parser.add_argument("--arrow-every", type=int, help="draw each n-th vector")
+    parser.add_argument("--arrow-every", type=at_least(1, int), help="draw each n-th vector")
     parser.add_argument(
         "--colour-by",
         default="vorticity",
@@ -41,14 +41,6 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--streamlines", action="store_true", help="streamlines in place of arrows")
     parser.add_argument("--title")
-
-
-def check_style(args: argparse.Namespace) -> None:
-    """ValueError where a number of `add_style` is of no use."""
-    if args.vorticity_limit is not None and not args.vorticity_limit > 0:
-        raise ValueError(f"--vorticity-limit must be positive, got {args.vorticity_limit:g}")
-    if args.arrow_every is not None and args.arrow_every < 1:
-        raise ValueError(f"--arrow-every must be at least 1, got {args.arrow_every}")
 
 
 def style_of(args: argparse.Namespace, limit: float | None) -> Style:
@@ -63,7 +55,6 @@ def run(args: argparse.Namespace) -> None:
     """Draw one instant."""
     import matplotlib.pyplot as plt
 
-    check_style(args)
     with checked(open_vectors(args.source), args.source) as planes:
         plane, time = planes, None
         if "time" in planes.dims:

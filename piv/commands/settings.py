@@ -13,6 +13,24 @@ from piv.fields.summary import summary
 VECTORS = "vectors: .h5, .nc or another file of piv convert"
 
 
+def positive(text: str) -> float:
+    """A positive number of a command line."""
+    if not 0 < float(text) < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be positive, got {text}")
+    return float(text)
+
+
+def at_least(least: float, kind: Callable[[str], Any] = float) -> Callable[[str], Any]:
+    """Reads numbers of a command line that are no less."""
+
+    def number(text: str) -> Any:
+        if not kind(text) >= least:
+            raise argparse.ArgumentTypeError(f"must be at least {least:g}, got {text}")
+        return kind(text)
+
+    return number
+
+
 def add_paths(parser: argparse.ArgumentParser, output: str, source: str = VECTORS) -> None:
     """Arguments source, -o/--output and --quiet; `output` and `source`: their helps."""
     parser.add_argument("source", type=Path, help=source)

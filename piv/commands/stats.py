@@ -8,7 +8,7 @@ import xarray as xr
 from numpy import ndarray
 
 from fileio.formats.plane_series import write_plane
-from piv.commands.settings import add_paths
+from piv.commands.settings import add_paths, at_least
 from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
@@ -39,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="conditional average: a column of --table, or a variable of the series over time",
     )
     parser.add_argument("--start", type=float, help="time of phase 0 with --period (default 0)")
-    parser.add_argument("--phases", type=int, help=f"number of phases (default {_PHASES})")
+    parser.add_argument(
+        "--phases", type=at_least(1, int), help=f"number of phases (default {_PHASES})"
+    )
     parser.add_argument(
         "--table", type=Path, help="CSV with columns time and NAME, linear between its rows"
     )
@@ -103,8 +105,6 @@ def _groups_of(
     else:
         return None, None, ""
     number = _PHASES if args.phases is None else args.phases
-    if number < 1:
-        raise ValueError(f"--phases must be at least 1, got {number}")
     return *bins(turned, np.arange(number + 1) / number), "cycle"
 
 

@@ -137,10 +137,10 @@ def test_wrong_numbers_are_refused(series, tmp_path, words, message, capsys):
 @pytest.mark.parametrize(
     "words, message",
     [
-        ("convert --rate -5", "--rate must be positive"),
-        ("convert --interval nan", "--interval must be positive"),
+        ("convert --rate -5", "--rate: must be positive"),
+        ("convert --interval nan", "--interval: must be positive"),
         ("mask --dark --min-area 2", "--min-area is a part"),
-        ("mask --dark --grow -1", "--grow must be at least 0"),
+        ("mask --dark --grow -1", "--grow: must be at least 0"),
     ],
 )
 def test_wrong_numbers_are_refused_before_anything_is_read(tmp_path, words, message, capsys):

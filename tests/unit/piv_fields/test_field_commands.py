@@ -105,7 +105,7 @@ def test_profile_and_spectrum(file, tmp_path, capsys):
         ("stats --period -1", "period must be positive"),
         ("stats --period 1000", "--period 1000 makes no phases"),
         ("stats --period 1e-6", "--period 1e-06 makes no phases"),
-        ("stats --phases 0 --period 0.2", "--phases must be at least 1"),
+        ("stats --phases 0 --period 0.2", "--phases: must be at least 1"),
         ("stats --by bend", "--by needs --bins"),
         ("stats --by angle --bins 0 1", "no variable 'angle' over time"),
         ("stats --by bend --bins 5 6", "no instant is in any group"),
