@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.atomic import write_text
 from fileio.formats.kinematics import read_kinematics
@@ -126,7 +127,7 @@ def regions_text(kind: str) -> str:
     return text
 
 
-def sides(planform: xr.Dataset) -> np.ndarray:
+def sides(planform: xr.Dataset) -> ndarray:
     """Index into OUTER_PATCHES for each edge on the tank's outline, 0 for the other edges."""
     nodes = planform["points"].values[0]
     edges = planform_edges(planform["triangles"].values, planform["quads"].values)
@@ -167,9 +168,7 @@ def patch_types(kind: str) -> dict[str, str]:
     }
 
 
-def zones(
-    mesh: PolyMesh, planform: xr.Dataset
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def zones(mesh: PolyMesh, planform: xr.Dataset) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
     """Face zones that drive the motion, and the zones of cells whose points follow them.
 
     A cell zone holds only the cells that touch all points: v1912 searches it in every time step.
@@ -195,7 +194,7 @@ def write_interval(
     interval: Interval,
     planform: xr.Dataset,
     mesh: PolyMesh,
-    nodes: np.ndarray,
+    nodes: ndarray,
 ) -> None:
     """Write the case of one of the `intervals`; `nodes` (node, 2) m: at its begin."""
     folder, kind = scene.out / "case" / interval.name, str(planform.attrs["model"])

@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 import shapely
 import xarray as xr
+from numpy import ndarray
 from tqdm import tqdm
 
 from fileio.errors import StageError
@@ -28,9 +29,9 @@ _INSET = 1e-7  # m, of points of the mirror plane into the mesh
 
 def sheet_axes(
     camera: Camera, spacing: float, margin: float, symmetric: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[ndarray, ndarray]:
     """Grid axes (m) that cover the camera's view and a margin; x about 0 where `symmetric`."""
-    axes: list[np.ndarray] = []
+    axes: list[ndarray] = []
     assert camera.centre is not None
     for middle, pixels in zip(camera.centre, (camera.columns, camera.rows), strict=True):
         half = 0.5 * pixels * camera.scale_mm_per_px * 1e-3 + margin
@@ -41,7 +42,7 @@ def sheet_axes(
     return axes[0], axes[1]
 
 
-def view_axes(view: tuple[float, ...], scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def view_axes(view: tuple[float, ...], scene: Scene) -> tuple[ndarray, ndarray]:
     """Grid axes (m) of the water in a view. StageError where the view shows no water."""
     half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
     low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
@@ -54,7 +55,7 @@ def view_axes(view: tuple[float, ...], scene: Scene) -> tuple[np.ndarray, np.nda
     return x, y
 
 
-def _sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+def _sample_plane(path: Path, x: ndarray, y: ndarray, flat: bool) -> dict[str, ndarray]:
     """FIELDS on the grid (y, x), kinematic pressure; NaN outside the water."""
     plane = read_surface(path)
     grid = pv.RectilinearGrid(x, y, plane.points[:1, 2])
@@ -77,7 +78,7 @@ def _sample_plane(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[
     }
 
 
-def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dict[str, np.ndarray]:
+def sample_mirrored(path: Path, x: ndarray, y: ndarray, flat: bool) -> dict[str, ndarray]:
     """FIELDS on a grid about x = 0 from a plane of x <= 0; u = 0 on the symmetry plane."""
     left = x[: len(x) // 2 + 1].copy()
     left[-1] -= _INSET
@@ -86,7 +87,7 @@ def sample_mirrored(path: Path, x: np.ndarray, y: np.ndarray, flat: bool) -> dic
     return {name: whole_picture(name, field) for name, field in fields.items()}
 
 
-def whole_picture(name: str, left: np.ndarray) -> np.ndarray:
+def whole_picture(name: str, left: ndarray) -> ndarray:
     """A field (y, x) of x <= 0, whose last column has x = 0, joined with its mirror image."""
     sign = left.dtype.type(-1 if name in ODD else 1)
     return np.concatenate([left, sign * left[:, -2::-1]], axis=1)
@@ -98,8 +99,8 @@ def _frames(
     flat: bool,
     density: float,
     kinematics: Kinematics,
-    x: np.ndarray,
-    y: np.ndarray,
+    x: ndarray,
+    y: ndarray,
 ) -> Iterator[xr.Dataset]:
     """The variables of each plane; NaN inside the fingers. mirrored: planes of x <= 0."""
     mesh_x, mesh_y = np.meshgrid(x, y)

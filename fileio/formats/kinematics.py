@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.errors import StageError, one_line
 from fileio.record import of_run
@@ -98,11 +99,11 @@ class Kinematics:
         """Length of the finger with its passive tip, m."""
         return float(self.data.attrs["length"])
 
-    def values(self, name: str) -> np.ndarray | None:
+    def values(self, name: str) -> ndarray | None:
         """A variable of SCHEMA; None where the file has none."""
         return self.data[name].values if name in self.data.variables else None
 
-    def shape(self, name: str, pressure: float | np.ndarray) -> np.ndarray:
+    def shape(self, name: str, pressure: float | ndarray) -> ndarray:
         """One of SHAPES at pressures (…): `outline` (…, point, 2), `bend` (…), else (…, 2).
 
         Outside the range of the shapes it goes on linearly: a recording may bend further than the
@@ -114,14 +115,14 @@ class Kinematics:
         beyond = (at - inside).reshape(at.shape + (1,) * (slope.ndim - at.ndim))
         return np.asarray(spline(inside) + beyond * slope)
 
-    def fingers(self, name: str, pressure: float) -> np.ndarray:
+    def fingers(self, name: str, pressure: float) -> ndarray:
         """`shape` of every finger, (finger, …)."""
         return self._of_fingers(name, np.asarray(self.shape(name, pressure)))
 
-    def _of_fingers(self, name: str, own: np.ndarray) -> np.ndarray:
+    def _of_fingers(self, name: str, own: ndarray) -> ndarray:
         return np.stack([own, mirrored_finger(name, own)]) if self.mirror else own[None]
 
-    def at(self, time: float) -> dict[str, np.ndarray]:
+    def at(self, time: float) -> dict[str, ndarray]:
         """Per finger, at `time` s: each of SHAPES, and the outline's velocity."""
         p = float(self.law(time))
         shapes = {name: spline(p) for name, spline in self.splines.items()}
@@ -130,7 +131,7 @@ class Kinematics:
             shapes[name] = shapes[name] / np.hypot(*shapes[name])
         return {name: self._of_fingers(name, own) for name, own in shapes.items()}
 
-    def bend(self, pressure: np.ndarray) -> np.ndarray:
+    def bend(self, pressure: ndarray) -> ndarray:
         """Bend angles (rad) at pressures (n,)."""
         return np.ravel(self.shape("bend", pressure))
 
@@ -161,12 +162,12 @@ def read_kinematics(path: Path) -> Kinematics:
     return Kinematics(data, law, splines, bool(data.attrs.get("mirror", 0)))
 
 
-def mirrored_finger(name: str, values: np.ndarray) -> np.ndarray:
+def mirrored_finger(name: str, values: ndarray) -> ndarray:
     """The right finger's vectors and points, mirrored in x = 0; its bend angle is the same."""
     return values if name == "bend" else values * np.array([-1.0, 1.0])
 
 
-def counter_clockwise(outline: np.ndarray) -> np.ndarray:
+def counter_clockwise(outline: ndarray) -> ndarray:
     """The outline (point, 2) in the sense that `inside_sum` takes."""
     x, y = outline[:, 0], outline[:, 1]
     return outline if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0 else outline[::-1]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.record import of_run
 from fileio.schema import Schema, variables
@@ -52,11 +53,11 @@ class NodeMotion:
 
         return cls(law, CubicSpline(planform["shape_parameter"].values, planform["points"].values))
 
-    def nodes(self, time: float) -> np.ndarray:
+    def nodes(self, time: float) -> ndarray:
         """Positions (node, 2) at `time` s, m; at rest before 0."""
         return self.shape(float(self.pressure(max(time, 0.0))))
 
-    def velocity(self, time: float) -> np.ndarray:
+    def velocity(self, time: float) -> ndarray:
         """Velocities (node, 2) at `time` s, m/s."""
         if time <= 0:
             return np.zeros(self.shape.c.shape[2:])
@@ -151,7 +152,7 @@ def read_planform(out: Path, mesh: int) -> xr.Dataset:
     return SCHEMA.read(of_run(out / "planform.h5"), f"mesh_{mesh}")
 
 
-def read_planforms(path: Path) -> list[dict[str, np.ndarray]]:
+def read_planforms(path: Path) -> list[dict[str, ndarray]]:
     """The variables of all planforms of a planform.h5, in order."""
     path = of_run(path)
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.errors import StageError, one_line
 from fileio.hdf5 import open_netcdf, whole_netcdf
@@ -87,14 +88,14 @@ def provenance(**settings: Any) -> dict[str, str]:
 
 
 def make_plane(
-    x: np.ndarray,
-    y: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
+    x: ndarray,
+    y: ndarray,
+    u: ndarray,
+    v: ndarray,
     *,
-    time: np.ndarray | None = None,
-    valid: np.ndarray | None = None,
-    **more: np.ndarray,
+    time: ndarray | None = None,
+    valid: ndarray | None = None,
+    **more: ndarray,
 ) -> xr.Dataset:
     """A checked plane (y, x) or plane series (time, y, x) from arrays in SI.
 

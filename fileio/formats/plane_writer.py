@@ -7,6 +7,7 @@ import h5netcdf
 import h5py
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.atomic import whole
 from fileio.formats.plane_series import AXES, SCHEMA, UNITS
@@ -15,12 +16,12 @@ from fileio.hdf5_disk import Disk
 _DEFLATE = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
-def instant(fields: Mapping[str, np.ndarray]) -> xr.Dataset:
+def instant(fields: Mapping[str, ndarray]) -> xr.Dataset:
     """The variables of one instant, by their names in the schema, as a part of a series."""
     return xr.Dataset({n: (AXES[n], v[None], {"units": UNITS[n]}) for n, v in fields.items()})
 
 
-def new_series(time: np.ndarray, x: np.ndarray, y: np.ndarray) -> xr.Dataset:
+def new_series(time: ndarray, x: ndarray, y: ndarray) -> xr.Dataset:
     """The axes (s and m) of a series whose parts are still to come."""
     axes = {"time": time, "y": y, "x": x}
     return xr.Dataset({n: (n, values, {"units": UNITS[n]}) for n, values in axes.items()})

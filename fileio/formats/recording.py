@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.errors import StageError, one_line
 from fileio.formats.plane_series import FINGERS, ORIGIN, REMEDY
@@ -103,7 +104,7 @@ class RecordingWriter(ResumableFile):
         n_frames: int,
         attrs: Mapping[str, Any],
         *,
-        times: Sequence[float] | np.ndarray | None = None,
+        times: Sequence[float] | ndarray | None = None,
         mask: bool = False,
     ) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
@@ -133,11 +134,11 @@ class RecordingWriter(ResumableFile):
             )
             self.label("mask", _DIMS, UNITS["mask"])
 
-    def write(self, i: int, frame: np.ndarray, mask: np.ndarray | None = None) -> None:
+    def write(self, i: int, frame: ndarray, mask: ndarray | None = None) -> None:
         """Store frame `i` (row 0 at the top) and its mask (True or 1 = body); then on disk."""
         masks = {} if mask is None else {"mask": np.asarray(mask).astype(bool).astype(np.uint8)}
         self.store(i, {"frames": frame, **masks})
 
-    def add(self, name: str, dims: Sequence[str], values: np.ndarray, units: str) -> None:
+    def add(self, name: str, dims: Sequence[str], values: ndarray, units: str) -> None:
         """Add or replace a further variable, as "outline", over `dims`; new ones are numbered."""
         self._add(name, dims, values.shape, [values], units)

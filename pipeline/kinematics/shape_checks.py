@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from numpy import ndarray
 
 from fileio.errors import StageError
 from pipeline.kinematics.contact import gap
@@ -18,8 +19,8 @@ _MOST_SHAPES = 400  # a minute or more of meshing; shipped scenes have 10 to 80
 
 
 def check_shapes(
-    outlines: np.ndarray,
-    bends: np.ndarray,
+    outlines: ndarray,
+    bends: ndarray,
     tank: Tank,
     pinch: Pinch | None,
     support: Support | None,
@@ -35,7 +36,7 @@ def check_shapes(
 
 
 def _fault(
-    outline: np.ndarray,
+    outline: ndarray,
     tank: Tank,
     pinch: Pinch | None,
     support: Support | None,
@@ -89,7 +90,7 @@ def check_number(count: float, key: str, step: float, where: Path) -> None:
         )
 
 
-def check_body(shapes: np.ndarray, tank: Tank, where: Path) -> None:
+def check_body(shapes: ndarray, tank: Tank, where: Path) -> None:
     """StageError where a rigid body's outlines (knot, point, 2) leave the water."""
     x, y = shapes[..., 0], shapes[..., 1]
     if np.abs(x).max() >= 0.5 * tank.size[0] or y.min() <= 0 or y.max() >= tank.water_depth:

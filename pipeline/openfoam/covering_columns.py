@@ -1,9 +1,10 @@
 """Few cells that touch every node of a swept mesh: enough for OpenFOAM's layered motion."""
 
 import numpy as np
+from numpy import ndarray
 
 
-def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def covering_columns(corners: ndarray, columns: ndarray) -> ndarray:
     """Some of `columns` (indices into `corners`) that touch every node which all of them touch.
 
     `corners` (column, 4): node numbers, a triangle's last one twice. Greedy: first columns of
@@ -20,10 +21,10 @@ def covering_columns(corners: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.sort(np.array(chosen, dtype=int))
 
 
-def covering_cells(corners: np.ndarray, column: np.ndarray, layer: np.ndarray) -> np.ndarray:
+def covering_cells(corners: ndarray, column: ndarray, layer: ndarray) -> ndarray:
     """Cells that touch every upright edge of a mesh; `column`, `layer` (cell,): of each cell."""
     chosen = np.zeros(len(column), bool)
-    known: dict[bytes, np.ndarray] = {}  # layers beside and beyond the finger have equal columns
+    known: dict[bytes, ndarray] = {}  # layers beside and beyond the finger have equal columns
     for number in np.unique(layer):
         here = np.flatnonzero(layer == number)
         columns = np.sort(column[here])

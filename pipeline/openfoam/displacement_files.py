@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.mesh_intervals import IntervalMesh
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
@@ -40,7 +41,7 @@ class Steps(NamedTuple):
     """Time steps of an interval: number of the first, times (s) with PADDING more at the end."""
 
     first: int
-    times: np.ndarray
+    times: ndarray
 
     @classmethod
     def of(cls, begin: float, end: float, time_step: float) -> "Steps":
@@ -79,7 +80,7 @@ class Frames:
         kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
         self._tail = b";\n" + _BOUNDARY % kinds + END
 
-    def write(self, time: float, moved: np.ndarray | None) -> None:
+    def write(self, time: float, moved: ndarray | None) -> None:
         """Write `<time>/wantedDisplacement`; `moved` (node, 2) m: against the first shape.
 
         None: a small file, which holds the place of one that is written later.
@@ -102,9 +103,7 @@ class Frames:
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
 
 
-def write_frames(
-    case: Path, mesh: IntervalMesh, times: np.ndarray, ranks: Ranks
-) -> Iterator[float]:
+def write_frames(case: Path, mesh: IntervalMesh, times: ndarray, ranks: Ranks) -> Iterator[float]:
     """Write the frames of a known motion for all `times` (s); yields them."""
     frames = Frames(case, mesh.planform, mesh.sweep, ranks)
     start = mesh.motion.nodes(times[0])

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 
 from fileio import atomic as whole_file
 from fileio.errors import StageError
@@ -29,7 +30,7 @@ def header(foam_class: str, location: str, name: str, *, binary: bool, note: str
 """.encode()
 
 
-def binary_list(values: np.ndarray) -> bytes:
+def binary_list(values: ndarray) -> bytes:
     """A List in OpenFOAM's binary form: size, raw bytes in brackets; ints are 32-bit labels."""
     values = np.ascontiguousarray(values, "<i4" if values.dtype.kind in "iu" else "<f8")
     return b"%d\n(" % len(values) + values.tobytes() + b")"
@@ -43,15 +44,13 @@ def write_bytes(path: Path, content: bytes, compress: bool = False, sync: bool =
     whole_file.write_bytes(path, content, sync=sync)
 
 
-def write_list(
-    path: Path, foam_class: str, location: str, *lists: np.ndarray, note: str = ""
-) -> None:
+def write_list(path: Path, foam_class: str, location: str, *lists: ndarray, note: str = "") -> None:
     """Write a binary list file (points, owner, faces, …)."""
     body = b"\n".join(binary_list(v) for v in lists)
     write_bytes(path, header(foam_class, location, path.name, binary=True, note=note) + body + END)
 
 
-def labels_of(content: bytes) -> np.ndarray:
+def labels_of(content: bytes) -> ndarray:
     """A labelList, ASCII or binary; a block of a collated file, without a header, is binary."""
     head = content.find(b"FoamFile")
     start = content.index(b"}", head) + 1 if head >= 0 else 0
@@ -71,12 +70,12 @@ def is_complete(path: Path) -> bool:
         return file.read().rstrip().endswith(b"* //")
 
 
-def read_field(path: Path, cells: int) -> np.ndarray:
+def read_field(path: Path, cells: int) -> ndarray:
     """Internal values (cell,) or (cell, 3) of a binary volScalarField or volVectorField."""
     return field_of(path.read_bytes(), cells, path)
 
 
-def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
+def field_of(content: bytes, cells: int, path: Path) -> ndarray:
     """The same from a field's bytes; `path` is where they are from."""
     match = re.search(
         rb"\ninternalField\s+(uniform ([^;]+);|nonuniform List<(scalar|vector)>\s*(\d+)\s*\()",
@@ -94,7 +93,7 @@ def field_of(content: bytes, cells: int, path: Path) -> np.ndarray:
     return values.reshape(-1, 3) if size == 3 else values
 
 
-def write_field(path: Path, template: Path, values: np.ndarray) -> None:
+def write_field(path: Path, template: Path, values: ndarray) -> None:
     """Write `template`, a field as text, with other internal values (cell,) or (cell, 3)."""
     kind, name = ("vector", "volVectorField") if values.ndim == 2 else ("scalar", "volScalarField")
     body = template.read_bytes().split(b"}", 1)[1]

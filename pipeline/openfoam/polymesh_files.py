@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.openfoam.foamfile import labels_of
 
@@ -17,9 +18,9 @@ class Faces:
     face,): cells; `patches`: the faces of each patch.
     """
 
-    corners: np.ndarray
-    owner: np.ndarray
-    neighbour: np.ndarray
+    corners: ndarray
+    owner: ndarray
+    neighbour: ndarray
     patches: dict[str, slice]
 
 

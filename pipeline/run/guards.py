@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 from scipy.interpolate import PPoly
 
 from fileio.errors import StageError
@@ -122,13 +123,13 @@ class EnergyGuard:
                 return _energy_cause(self.budget, kinetic, excess)
         return None
 
-    def _table(self) -> np.ndarray:
+    def _table(self) -> ndarray:
         """Rows since the last start: time, integrals of |u|^2, |grad u|^2, half of |curl u|^2."""
         parts = tables(self.samples / "volumes", "volFieldValue*.dat")
         return table_rows(parts[-1][1]) if parts else np.empty((0, 4))
 
 
-def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, density: float) -> Budget:
+def energy_budget(positions: ndarray, times: ndarray, depth: float, density: float) -> Budget:
     """The budget of a run with wall nodes, in order, at `positions` (time, node, 2) m, `times` s.
 
     `depth` (m): the finger's extent in z within the computed part.
@@ -146,7 +147,7 @@ def energy_budget(positions: np.ndarray, times: np.ndarray, depth: float, densit
     return Budget(_FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=float(times[0]))
 
 
-def energy_from_nothing(power: np.ndarray, budgets: list[Budget], copies: int) -> float:
+def energy_from_nothing(power: ndarray, budgets: list[Budget], copies: int) -> float:
     """The largest excess of energy over the work in a whole run, over its largest energy.
 
     `power` (n, 4): power.csv, of the tank, with `copies` of the computed part; `budgets`: of the
@@ -220,7 +221,7 @@ class Guard:
         return cause
 
 
-def check_courant(positions: np.ndarray, times: np.ndarray, max_courant: float) -> float:
+def check_courant(positions: ndarray, times: ndarray, max_courant: float) -> float:
     """The Courant number to be expected of a moving wall.
 
     `positions` (step, node, 2) m: wall nodes in order along the outline at even `times` (s).

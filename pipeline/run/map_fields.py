@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from fileio.formats.mesh_intervals import IntervalMesh
@@ -19,22 +20,22 @@ from pipeline.run.checkpoint import saved_field
 class SweptCells:
     """Columns of a planform, and the column and layer of each cell."""
 
-    outline: np.ndarray  # (column, 4, 2) corners; a triangle's last one twice
+    outline: ndarray  # (column, 4, 2) corners; a triangle's last one twice
     edges: Edges
-    centre: np.ndarray  # (column, 2) m
-    area: np.ndarray  # (column,) m²
-    middle: np.ndarray  # (edge, 2) m
-    wall_velocity: np.ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
-    levels: np.ndarray
-    column: np.ndarray
-    layer: np.ndarray
+    centre: ndarray  # (column, 2) m
+    area: ndarray  # (column,) m²
+    middle: ndarray  # (edge, 2) m
+    wall_velocity: ndarray  # (edge, 2) m/s, of the edges' middles, for edges that are walls
+    levels: ndarray
+    column: ndarray
+    layer: ndarray
 
     @property
-    def volume(self) -> np.ndarray:
+    def volume(self) -> ndarray:
         """Volume of each cell, m³."""
         return self.area[self.column] * np.diff(self.levels)[self.layer]
 
-    def numbers(self) -> np.ndarray:
+    def numbers(self) -> ndarray:
         """Number of the cell in each column and layer; -1 inside a body."""
         number = np.full((len(self.centre), len(self.levels) - 1), -1)
         number[self.column, self.layer] = np.arange(len(self.column))
@@ -63,10 +64,10 @@ def swept_cells(mesh: IntervalMesh, time: float) -> SweptCells:
 class _Overlap:
     """Parts that columns of two planforms share, with area (m²) and centroid (part, 2; m)."""
 
-    source: np.ndarray
-    target: np.ndarray
-    area: np.ndarray
-    centre: np.ndarray
+    source: ndarray
+    target: ndarray
+    area: ndarray
+    centre: ndarray
 
 
 def overlap_of(source: SweptCells, target: SweptCells) -> _Overlap:
@@ -84,10 +85,10 @@ def carry(
     source: SweptCells,
     target: SweptCells,
     overlap: _Overlap,
-    values: np.ndarray,
+    values: ndarray,
     *,
     no_slip: bool,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[ndarray, ndarray]:
     """Values (cell, n) on another mesh of the same layers: cell averages, and samples at centres.
 
     Each source cell's value is continued linearly by its gradient, so that both are exact for
@@ -120,9 +121,7 @@ def carry(
     return averaged, sampled
 
 
-def _gradients(
-    cells: SweptCells, values: np.ndarray, number: np.ndarray, no_slip: bool
-) -> np.ndarray:
+def _gradients(cells: SweptCells, values: ndarray, number: ndarray, no_slip: bool) -> ndarray:
     """Gradients (column, axis, n) in one layer, by least squares over the neighbours.
 
     Weights are inverse squares of the distance.
@@ -154,13 +153,13 @@ def _gradients(
     return np.linalg.pinv(matrix, rcond=1e-6, hermitian=True) @ known
 
 
-def square_sum(cells: SweptCells, a: np.ndarray, b: np.ndarray) -> float:
+def square_sum(cells: SweptCells, a: ndarray, b: ndarray) -> float:
     """Integral of the product of two velocity fields (cell, 3) over the cells, m⁵/s²."""
     return float(np.sum(cells.volume * (a * b).sum(1)))
 
 
-def energy_share(source: SweptCells, target: SweptCells, velocity: np.ndarray, averaged: np.ndarray,
-                 sampled: np.ndarray) -> float:  # fmt: skip
+def energy_share(source: SweptCells, target: SweptCells, velocity: ndarray, averaged: ndarray,
+                 sampled: ndarray) -> float:  # fmt: skip
     """The share s of `sampled` at which averaged + s (sampled - averaged) has the source's energy.
 
     Both are of second order. The share is limited to -1…2, so that a flow which neither describes

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 from scipy.interpolate import PchipInterpolator
 
 from fileio.formats.mesh_intervals import IntervalMesh
@@ -36,10 +37,10 @@ class _FaceGeometry:
     """
 
     faces: Faces
-    area: np.ndarray
-    centre: np.ndarray
-    cell_centre: np.ndarray
-    volume: np.ndarray
+    area: ndarray
+    centre: ndarray
+    cell_centre: ndarray
+    volume: ndarray
 
     @property
     def inner(self) -> int:
@@ -49,13 +50,13 @@ class _FaceGeometry:
 
 def face_terms(
     mesh: _FaceGeometry,
-    velocity: np.ndarray,
-    pressure: np.ndarray,
-    on_boundary: np.ndarray,
-    swept: np.ndarray,
-    viscosity: np.ndarray,
+    velocity: ndarray,
+    pressure: ndarray,
+    on_boundary: ndarray,
+    swept: ndarray,
+    viscosity: ndarray,
     convection: str,
-) -> dict[str, np.ndarray]:
+) -> dict[str, ndarray]:
     """Power over density that each of LOSSES takes at faces (face,), m⁵/s³.
 
     `velocity` (cell, 3) m/s; `pressure` (cell,) m²/s²; `on_boundary` (boundary face, 3) m/s;
@@ -71,7 +72,7 @@ def face_terms(
     to_own = _dot(normal, mesh.centre[:n] - mesh.cell_centre[own])
     share = to_own / _dot(normal, across)  # of the neighbour in a value at the face
 
-    def at_faces(values: np.ndarray) -> np.ndarray:
+    def at_faces(values: ndarray) -> ndarray:
         weight = share.reshape(-1, *[1] * (values.ndim - 1))
         return values[own] * (1 - weight) + values[other] * weight
 
@@ -113,11 +114,11 @@ def face_terms(
     return {name: np.concatenate(parts) for name, parts in zip(LOSSES, taken, strict=True)}
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _dot(a: ndarray, b: ndarray) -> ndarray:
     return np.einsum("fi,fi->f", a, b)
 
 
-def _gradient(mesh: _FaceGeometry, inner: np.ndarray, boundary: np.ndarray) -> np.ndarray:
+def _gradient(mesh: _FaceGeometry, inner: ndarray, boundary: ndarray) -> ndarray:
     """Gradient (cell, direction, component) by Gauss's theorem from values on faces."""
     n, cells = mesh.inner, len(mesh.volume)
     gradient = np.empty((cells, 3, 3))
@@ -132,7 +133,7 @@ def _gradient(mesh: _FaceGeometry, inner: np.ndarray, boundary: np.ndarray) -> n
 
 def term_rows(
     case: Path, mesh: IntervalMesh, ranks: Ranks, fluid: Fluid, convection: str
-) -> np.ndarray:
+) -> ndarray:
     """Rows POWER_TERMS (W) of the computed part of the tank, of the fields written in an interval.
 
     `convection`: numerics.convection.
@@ -185,7 +186,7 @@ def geometry_at(faces: Faces, mesh: IntervalMesh, time: float) -> _FaceGeometry:
     return _FaceGeometry(faces, area, np.asarray(centre), cell_centre, volume)
 
 
-def _boundary_velocity(mesh: _FaceGeometry, velocity: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def _boundary_velocity(mesh: _FaceGeometry, velocity: ndarray, moving: ndarray) -> ndarray:
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
     patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
     for name, faces in mesh.faces.patches.items():
@@ -220,7 +221,7 @@ def finger_power(path: Path, density: float) -> float:
     return -float(np.einsum("fi,fi->", force, velocity))
 
 
-def power_rows(case: Path, fluid: Fluid, copies: int) -> np.ndarray:
+def power_rows(case: Path, fluid: Fluid, copies: int) -> ndarray:
     """Columns POWER for the whole tank (all fingers), which holds `copies` of the computed part."""
     samples = case / "postProcessing"
     raw = read_function_object(samples / "volumes", "volFieldValue.dat")
@@ -236,7 +237,7 @@ def power_rows(case: Path, fluid: Fluid, copies: int) -> np.ndarray:
     )  # fmt: skip
 
 
-def integrals(table: np.ndarray) -> dict[str, float]:
+def integrals(table: ndarray) -> dict[str, float]:
     """Energy (J) that each term has taken by the end of a table POWER_TERMS, from rest at 0 s."""
     time = np.concatenate([[0.0], table[:, 0]])
     rates = np.vstack([np.zeros(table.shape[1] - 1), table[:, 1:]])
@@ -244,7 +245,7 @@ def integrals(table: np.ndarray) -> dict[str, float]:
     return dict(zip(LOSSES, map(float, taken), strict=True))
 
 
-def power_balance(table: np.ndarray, terms: np.ndarray) -> dict[str, Any]:
+def power_balance(table: ndarray, terms: ndarray) -> dict[str, Any]:
     """Work = kinetic energy + energy taken by each of `terms` (POWER_TERMS) + an unexplained rest.
 
     `closure`: the rest after the resolved dissipation of `table` (POWER).

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from tqdm import tqdm
@@ -84,9 +85,7 @@ def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
     run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case)
 
 
-def partition_columns(
-    centres: np.ndarray, load: np.ndarray, ranks: int, pairs: np.ndarray
-) -> np.ndarray:
+def partition_columns(centres: ndarray, load: ndarray, ranks: int, pairs: ndarray) -> ndarray:
     """Rank of each column of cells, by recursive bisection: every rank in one piece.
 
     centres (column, 2) m; load (column,): cells of each, zero where a column has none; pairs
@@ -97,7 +96,7 @@ def partition_columns(
     return _whole_pieces(rank, load, pairs)
 
 
-def _whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+def _whole_pieces(rank: ndarray, load: ndarray, pairs: ndarray) -> ndarray:
     """Give each rank's stray pieces to the neighbour with which they share most faces."""
     rank, faces = rank.copy(), np.minimum(load[pairs[:, 0]], load[pairs[:, 1]])
     for _ in range(_REPAIRS):
@@ -124,8 +123,8 @@ def _whole_pieces(rank: np.ndarray, load: np.ndarray, pairs: np.ndarray) -> np.n
     return rank
 
 
-def _bisect(centres: np.ndarray, load: np.ndarray, members: np.ndarray, first: int, ranks: int,
-            rank: np.ndarray) -> None:  # fmt: skip
+def _bisect(centres: ndarray, load: ndarray, members: ndarray, first: int, ranks: int,
+            rank: ndarray) -> None:  # fmt: skip
     if ranks == 1:
         rank[members] = first
         return

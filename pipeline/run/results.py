@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from fileio.formats.mesh_intervals import PER_FINGER, IntervalMesh
 from fileio.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS
@@ -19,7 +20,7 @@ from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.sections import Fluid
 
 
-def _forces(case: Path, per_finger: int, name: str = "forces") -> np.ndarray:
+def _forces(case: Path, per_finger: int, name: str = "forces") -> ndarray:
     """Columns FORCES: force of the water on one whole finger (the left of two), or obstacle, N."""
     raw = read_function_object(case / "postProcessing" / name, "force.dat")
     table = raw[:, [0, 1, 2, 3, 4, 5, 7, 8]].copy()
@@ -37,7 +38,7 @@ _CONTINUITY = re.compile(r"time step continuity errors : sum local = (\S+), glob
 _PRESSURE = re.compile(r"Solving for p,.* No Iterations (\d+)")
 
 
-def history(log: Path) -> np.ndarray:
+def history(log: Path) -> ndarray:
     """Columns HISTORY from the solver's log; a resumed run replaces the rows that it repeats."""
     rows: dict[float, list[float]] = {}
     earlier = clock = 0.0
@@ -65,7 +66,7 @@ def _mesh_quality(path: Path) -> dict[str, float]:
     return {name: float(pick(table[name])) for name, pick in worst.items()}
 
 
-def _joined(meshes: list[IntervalMesh], tables: list[np.ndarray]) -> np.ndarray:
+def _joined(meshes: list[IntervalMesh], tables: list[ndarray]) -> ndarray:
     """One table (time, …) of those of all intervals, without their overlaps."""
     return np.vstack(
         [

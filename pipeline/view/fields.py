@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
+from numpy import ndarray
 
 from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import (
@@ -78,7 +79,7 @@ class RunFields:
             pressure = (1 - share) * first[1] + share * pressure
         return water(mesh, points, velocity, pressure, box), walls(mesh, points, pressure)
 
-    def _read_mesh(self, interval: Interval) -> tuple[Topology, NodeMotion, np.ndarray, np.ndarray]:
+    def _read_mesh(self, interval: Interval) -> tuple[Topology, NodeMotion, ndarray, ndarray]:
         """Topology, motion, and each point's node of the planform and z (m)."""
         planform, sweep = (
             read_planform(self.out, interval.mesh),
@@ -89,7 +90,7 @@ class RunFields:
         z = planform["levels"].values[sweep["level"].values]
         return topology(planform, sweep, faces), motion, sweep["node"].values, z
 
-    def _read_values(self, instant: Instant) -> tuple[np.ndarray, np.ndarray]:
+    def _read_values(self, instant: Instant) -> tuple[ndarray, ndarray]:
         """Velocity (cell, 3; m/s) and pressure (cell; Pa); at 0 the water is at rest."""
         cells = len(self._mesh(instant.interval)[0].types)
         if instant.time == 0:

@@ -6,6 +6,7 @@ import numpy as np
 import pyvista as pv
 import vtk
 import xarray as xr
+from numpy import ndarray
 
 from pipeline.geometry.sweep import BODY_PATCHES
 from pipeline.openfoam.polymesh_files import Faces
@@ -18,14 +19,14 @@ Z, X = 2, 0  # normal of the sheet's plane of symmetry, and of that between two 
 class Topology:
     """Cells of the water, faces of bodies in VTK's padded form, and the cell behind each face."""
 
-    cells: np.ndarray
-    types: np.ndarray
-    wall_points: np.ndarray  # of the mesh, those that the walls use
-    walls: np.ndarray
-    behind: np.ndarray
+    cells: ndarray
+    types: ndarray
+    wall_points: ndarray  # of the mesh, those that the walls use
+    walls: ndarray
+    behind: ndarray
 
 
-def _padded(corners: np.ndarray, count: np.ndarray) -> np.ndarray:
+def _padded(corners: ndarray, count: ndarray) -> ndarray:
     """Rows of corners (row, most), of which the first `count` (row) are used, as VTK lists them."""
     rows = np.column_stack([count, corners])
     return rows[np.arange(rows.shape[1]) <= count[:, None]]
@@ -58,9 +59,9 @@ Box = tuple[float, ...]  # low and high x, y, z in m
 
 def water(
     mesh: Topology,
-    points: np.ndarray,
-    velocity: np.ndarray,
-    pressure: np.ndarray,
+    points: ndarray,
+    velocity: ndarray,
+    pressure: ndarray,
     box: Box | None = None,
 ) -> pv.UnstructuredGrid:
     """The water with its vorticity and its q, from `velocity` and `pressure` of the cells.
@@ -85,7 +86,7 @@ def water(
     return grid
 
 
-def walls(mesh: Topology, points: np.ndarray, pressure: np.ndarray) -> pv.UnstructuredGrid:
+def walls(mesh: Topology, points: ndarray, pressure: ndarray) -> pv.UnstructuredGrid:
     """Surfaces of the bodies in the water, with the pressure (Pa) in the cells beside them."""
     surface = pv.PolyData(points[mesh.wall_points], mesh.walls)
     surface.cell_data["pressure"] = pressure[mesh.behind].astype(np.float32)

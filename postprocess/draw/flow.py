@@ -8,6 +8,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib import patheffects
 from matplotlib.colors import AsinhNorm
+from numpy import ndarray
 from scipy.ndimage import minimum_filter
 
 from piv.plots.vectors import COLOUR_MAP
@@ -59,13 +60,13 @@ def view_limits(planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataF
     return tuple(limits)
 
 
-def vorticity(field: np.ndarray, valid: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def vorticity(field: ndarray, valid: ndarray, x: ndarray, y: ndarray) -> ndarray:
     """∂v/∂x − ∂u/∂y (1/s) by central differences, not a number next to invalid points."""
     u, v = np.where(valid, field, np.nan)
     return np.gradient(v, x, axis=1) - np.gradient(u, y, axis=0)
 
 
-def vorticity_limit(plane: xr.Dataset, times: np.ndarray) -> float:
+def vorticity_limit(plane: xr.Dataset, times: ndarray) -> float:
     """A rounded colour limit (1/s): 99.9 % of the water beside the wall layers turns slower."""
     x, y = plane["x"].values, plane["y"].values
     across = 2 * round(_OFF_WALL / (x[1] - x[0])) + 1
@@ -84,7 +85,7 @@ def _nearest(plane: xr.Dataset, time: float) -> int:
     return int(np.argmin(np.abs(plane["time"].values - time)))
 
 
-def _vortex_mark(x: float, y: float, radius: float, circulation: float) -> np.ndarray:
+def _vortex_mark(x: float, y: float, radius: float, circulation: float) -> ndarray:
     """A circle (2, points) with two arrow heads that show the sense, and a gap at its end."""
     sense = 1.0 if circulation > 0 else -1.0
     angle = np.linspace(0, 2 * np.pi, 49)
@@ -110,8 +111,8 @@ def flow_figure(
     dpi: float = 100,
     panel: float = 5.0,
     rows: int = 1,
-    fixed: Sequence[np.ndarray] = (),
-) -> Callable[[float], np.ndarray]:
+    fixed: Sequence[ndarray] = (),
+) -> Callable[[float], ndarray]:
     """Draws a panel per source in `rows`; the function returned gives the image of an instant (s).
 
     `vortices`: by source each finger's tip vortex over time; `scale`: velocity scale, m/s;
@@ -155,7 +156,7 @@ def flow_figure(
     figure.canvas.draw()
     still = figure.canvas.copy_from_bbox(figure.bbox)
 
-    def show(time: float) -> np.ndarray:
+    def show(time: float) -> ndarray:
         figure.canvas.restore_region(still)
         for ax, source, plane, moving, update in updates:
             # PIV has fewer instants than the sheet.
@@ -228,7 +229,7 @@ def _panel(
         for number, body in enumerate(bodies):
             body.set_xy(plane["outline"].values[index, number] * MM)
 
-        def marked(places: np.ndarray) -> np.ndarray:
+        def marked(places: ndarray) -> ndarray:
             """Marks of vortices (n, _MARKED) where there is a vector, as one broken line in mm."""
             at = [
                 np.clip(np.rint((places[:, k] - axis[0]) / step).astype(int), 0, axis.size - 1)
@@ -249,7 +250,7 @@ def _panel(
     return shade, [shade, arrows, *bodies, beside_them, *marks], update
 
 
-def _at(vortex: pd.DataFrame, time: float) -> np.ndarray:
+def _at(vortex: pd.DataFrame, time: float) -> ndarray:
     """A vortex (1, `_MARKED`) between the two rows around `time`; none outside of them."""
     times = vortex["time"].to_numpy()
     after = int(np.clip(np.searchsorted(times, time), 1, max(times.size - 1, 1)))

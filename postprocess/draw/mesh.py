@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy import ndarray
 
 from postprocess.draw.style import INK, MM, WIDTH, new_figure
 from postprocess.words import minus
@@ -10,16 +11,16 @@ from postprocess.words import minus
 _NAMES = ("at rest", "half-way", "farthest")
 
 
-def edges(cells: list[np.ndarray]) -> np.ndarray:
+def edges(cells: list[ndarray]) -> ndarray:
     """Unique edges (n, 2) of cells (n, corners), one array for each number of corners."""
     pairs = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in cells if c.size]
     return np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
 
 
 def planform(
-    shapes: list[np.ndarray],
-    bend_deg: np.ndarray,
-    lines: list[np.ndarray],
+    shapes: list[ndarray],
+    bend_deg: ndarray,
+    lines: list[ndarray],
     limits: tuple[float, ...],
 ) -> Figure:
     """The planform (node, axis) and its edges at three shapes; limits x0, x1, y0, y1 in m."""

@@ -1,8 +1,8 @@
 """Two fingers over time: the closing, both pairs of vortices, flow and pressure between."""
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy import ndarray
 
 from postprocess.draw.series import Curve, over_time
 from postprocess.draw.style import (
@@ -24,9 +24,9 @@ def _of(table: pd.DataFrame, column: str, factor: float, label: str, colour: str
 
 
 def closing(
-    time: np.ndarray,
-    gap: np.ndarray,
-    free_gap: np.ndarray,
+    time: ndarray,
+    gap: ndarray,
+    free_gap: ndarray,
     integrals: dict[str, pd.DataFrame],
     lines: dict[str, pd.DataFrame],
     met: float | None,

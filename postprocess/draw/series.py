@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy import ndarray
 from scipy.ndimage import median_filter
 
 from postprocess.draw.style import (
@@ -42,12 +43,12 @@ _SPIKE = 3  # instants: what is shorter does not set an axis
 class Curve:
     """Values over `time` (s) in the unit of the panel, with a `band` to either side."""
 
-    time: np.ndarray
-    values: np.ndarray
+    time: ndarray
+    values: ndarray
     label: str = ""
     colour: str = INK
     style: str = "-"
-    band: np.ndarray | None = None
+    band: ndarray | None = None
 
 
 Panels = list[tuple[str, list[Curve]]]  # the label of the axis with its unit, and the curves
@@ -178,7 +179,7 @@ def _path(
 
 
 def bending(
-    pressure: np.ndarray, bend: np.ndarray, bend_std: np.ndarray | None, paper: np.ndarray | None
+    pressure: ndarray, bend: ndarray, bend_std: ndarray | None, paper: ndarray | None
 ) -> Figure:
     """Bend over pressure (Pa) of the states with their band, and of equations (1)-(6) if given.
 

@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from numpy import ndarray
 
 from postprocess.draw.series import Curve, Panels, over_time
 from postprocess.draw.style import CFD, GREY, INK, MM, PIV, THIRD
@@ -52,7 +53,7 @@ def water_on_finger(loads: xr.Dataset) -> Figure:
     return figure
 
 
-def _over_groups(arc: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _over_groups(arc: ndarray, force: ndarray) -> tuple[ndarray, ndarray]:
     """Middles (group,) m and N/m (time, group) of _GROUP slices: one is as short as a face."""
     starts = np.arange(0, len(arc), _GROUP)
     count = np.diff(np.append(starts, len(arc)))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy import ndarray
 
 from fileio.formats.plane_series import VECTORS, usable
 from postprocess.evidence.fields import frame
@@ -13,7 +14,7 @@ COLUMNS = ("time", "stagnation_y", "jet_speed", "jet_y", "rise_speed", "rise_y")
 _REST = 0.02  # of the velocity scale: slower than this is no stream, so no line parts two of them
 
 
-def beside_middle(x: np.ndarray) -> tuple[slice, float]:
+def beside_middle(x: ndarray) -> tuple[slice, float]:
     """The two columns beside x = 0, and the weight of the second; ValueError without that plane."""
     if x[0] > 0 or x[-1] < 0:
         raise ValueError(
@@ -24,14 +25,14 @@ def beside_middle(x: np.ndarray) -> tuple[slice, float]:
     return slice(after - 1, after + 1), float(-x[after - 1] / (x[after] - x[after - 1]))
 
 
-def on_middle(values: np.ndarray, share: float) -> np.ndarray:
+def on_middle(values: ndarray, share: float) -> ndarray:
     """Values on x = 0, linear between its two neighbours (…, 2); NaN where one is absent."""
     if share > 1 - 1e-6:
         return values[..., 1]
     return values[..., 0] if share < 1e-6 else (1 - share) * values[..., 0] + share * values[..., 1]
 
 
-def parting_height(v: np.ndarray, y: np.ndarray, near: float, least: float) -> float:
+def parting_height(v: ndarray, y: ndarray, near: float, least: float) -> float:
     """Height nearest to `near` at which `v` over ascending y turns from down to up, NaN if none.
 
     Both streams, up to where each turns again, must exceed `least` m/s somewhere.
@@ -74,7 +75,7 @@ def centreline(plane: xr.Dataset, scale: float) -> pd.DataFrame:
     return table
 
 
-def _streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[float, ...]:
+def _streams(v: ndarray, y: ndarray, tip: float, least: float) -> tuple[float, ...]:
     """COLUMNS but the time, of the vertical velocity `v` over `y` on x = 0."""
     parting = parting_height(v, y, tip, least)
     split = tip if np.isnan(parting) else parting
@@ -88,7 +89,7 @@ def _streams(v: np.ndarray, y: np.ndarray, tip: float, least: float) -> tuple[fl
     return tuple(out)
 
 
-def crossings(outline: np.ndarray, height: float) -> np.ndarray:
+def crossings(outline: ndarray, height: float) -> ndarray:
     """The x (m) at which a closed outline (point, axis) crosses a height (m)."""
     after = np.roll(outline, -1, axis=0)
     cut = (outline[:, 1] <= height) != (after[:, 1] <= height)
@@ -96,7 +97,7 @@ def crossings(outline: np.ndarray, height: float) -> np.ndarray:
     return a[:, 0] + (height - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
 
 
-def _between_fingers(outline: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _between_fingers(outline: ndarray, x: ndarray, y: ndarray) -> ndarray:
     """Mask (y, x) of the points nearer to x = 0 than any part of either finger at that height.
 
     `outline` (finger, point, axis), m, finger 0 on the left. Rows without both are outside.

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy import ndarray
 from scipy.ndimage import map_coordinates
 
 from fileio.formats.plane_series import Planes, check_vectors, usable, vectors_of
@@ -19,13 +20,13 @@ class _Vectors(Planes):
 
 
 def _onto_grid(
-    field: np.ndarray,
-    valid: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    new_x: np.ndarray,
-    new_y: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    field: ndarray,
+    valid: ndarray,
+    x: ndarray,
+    y: ndarray,
+    new_x: ndarray,
+    new_y: ndarray,
+) -> tuple[ndarray, ndarray]:
     """Bilinear values (component, y, x) on new axes, and where no invalid neighbour has weight.
 
     `field` is (component, y, x) on the regular axes x, y.
@@ -40,7 +41,7 @@ def _onto_grid(
     return np.stack(values), inside & (weight > 1 - ROUNDING)
 
 
-def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
+def frame(plane: xr.Dataset, index: int) -> tuple[ndarray, ndarray]:
     """Velocity (2, y, x) of one instant, and which vectors are usable (y, x).
 
     ValueError where a valid vector is no number.
@@ -54,7 +55,7 @@ def frame(plane: xr.Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([now["u"].values, now["v"].values]), usable(now).values
 
 
-def _at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
+def _at_time(plane: xr.Dataset, time: float) -> tuple[ndarray, ndarray]:
     """Velocity linear in time between the two frames around `time`; valid where both are."""
     times = plane["time"].values
     after = int(np.clip(np.searchsorted(times, time - ROUNDING), 0, times.size - 1))
@@ -65,13 +66,13 @@ def _at_time(plane: xr.Dataset, time: float) -> tuple[np.ndarray, np.ndarray]:
     return (1 - share) * early + share * late, early_ok & late_ok
 
 
-def _near(points: np.ndarray, x: np.ndarray, y: np.ndarray, reach: float) -> np.ndarray:
+def _near(points: ndarray, x: ndarray, y: ndarray, reach: float) -> ndarray:
     """Which points (y, x) of a grid lie within `reach` (m) of one of `points` (n, 2)."""
     apart = np.hypot(x - points[:, 0, None, None], y[:, None] - points[:, 1, None, None])
     return np.asarray((apart <= reach).any(axis=0))
 
 
-def _common_times(reference: xr.Dataset, other: xr.Dataset) -> np.ndarray:
+def _common_times(reference: xr.Dataset, other: xr.Dataset) -> ndarray:
     """Indices of `other`'s instants within `reference`'s; ValueError where there is none."""
     span, times = reference["time"].values, other["time"].values
     index = np.flatnonzero((times >= span[0] - ROUNDING) & (times <= span[-1] + ROUNDING))
@@ -142,7 +143,7 @@ def field_series(sums: pd.DataFrame, rest_speed: float) -> pd.DataFrame:
     )
 
 
-def difference(reference: xr.Dataset, other: xr.Dataset, times: np.ndarray) -> xr.Dataset:
+def difference(reference: xr.Dataset, other: xr.Dataset, times: ndarray) -> xr.Dataset:
     """`other` less `reference` (m/s) at the instants of `other` nearest to some times (s)."""
     near = np.unique([int(np.argmin(np.abs(other["time"].values - time))) for time in times])
     index = np.intersect1d(near, _common_times(reference, other))

@@ -2,21 +2,20 @@
 
 import numpy as np
 import xarray as xr
+from numpy import ndarray
 
 # of the change of bend angle: the middle of the stroke, over which flows are compared
 MIDDLE = (0.25, 0.75)
 REST = 1e-6  # rad or m: less is no motion but rounding
 
 
-def progress(plane: xr.Dataset) -> np.ndarray:
+def progress(plane: xr.Dataset) -> ndarray:
     """Bend or turn of the first finger or body over time, rad; without one its distance, m."""
     turn, tip = plane["bend"].values[:, 0], plane["tip"].values[:, 0]
     return turn if np.ptp(turn) > REST else np.linalg.norm(tip - tip[0], axis=-1)
 
 
-def stroke_window(
-    time: np.ndarray, done: np.ndarray, part: tuple[float, float]
-) -> tuple[float, float]:
+def stroke_window(time: ndarray, done: ndarray, part: tuple[float, float]) -> tuple[float, float]:
     """Instants (s) at which the `progress` has done the fractions `part` of its largest change.
 
     time (n) in s, done (n) in rad or m. Half of a stroke's time lies in its last degrees, so the
@@ -36,12 +35,12 @@ def stroke_window(
     return float(edges[0]), float(edges[1])
 
 
-def tip_speed(time: np.ndarray, tip: np.ndarray) -> np.ndarray:
+def tip_speed(time: ndarray, tip: ndarray) -> ndarray:
     """Speed (n, finger) of the tips, m/s, by central differences; tip: (n, finger, axis), m."""
     return np.linalg.norm(np.gradient(tip, time, axis=0), axis=-1)
 
 
-def peak_tip_speed(time: np.ndarray, tip: np.ndarray) -> tuple[float, float]:
+def peak_tip_speed(time: ndarray, tip: ndarray) -> tuple[float, float]:
     """Largest tip speed (m/s) and when it occurs (s): the velocity scale of every comparison."""
     speed = tip_speed(time, tip).max(axis=1)
     at = int(np.argmax(speed))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from postprocess.evidence.strokes import stroke_window
 
@@ -43,14 +44,14 @@ class Clock:
     `progress` as of postprocess.evidence.strokes (the bend in rad).
     """
 
-    time: np.ndarray
-    progress: np.ndarray
-    gap_time: np.ndarray | None = None
-    gap: np.ndarray | None = None
+    time: ndarray
+    progress: ndarray
+    gap_time: ndarray | None = None
+    gap: ndarray | None = None
     residual_gap: float = 0.0
     starts: tuple[float, ...] = ()
 
-    def gaps(self) -> tuple[np.ndarray, np.ndarray]:
+    def gaps(self) -> tuple[ndarray, ndarray]:
         """Times (s) and gaps (m); ValueError where there is no second finger."""
         if self.gap is None or self.gap_time is None:
             raise ValueError(
@@ -58,7 +59,7 @@ class Clock:
             )
         return self.gap_time, self.gap
 
-    def gap_at(self, time: np.ndarray) -> np.ndarray:
+    def gap_at(self, time: ndarray) -> ndarray:
         """The gap (m) at other times (s)."""
         return np.interp(time, *self.gaps())
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy import ndarray
 
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
@@ -58,7 +59,7 @@ class Flow(NamedTuple):
     scale: float  # m/s
     clock: Clock
 
-    def instants(self) -> np.ndarray:
+    def instants(self) -> ndarray:
         """Times of the pictures, s: through the stroke, of a pinch from contact on, the last."""
         clock, last = self.clock, min(float(p["time"][-1]) for p in self.planes.values())
         at = [stroke_window(clock.time, clock.progress, (part, 0.999))[0] for part in _INSTANTS]
@@ -68,7 +69,7 @@ class Flow(NamedTuple):
             at = [t for t in at if t < met - 0.01] + later
         return np.array([*at, last])
 
-    def film_times(self) -> np.ndarray:
+    def film_times(self) -> ndarray:
         """Times of film and slider, s: no more of them than there are fields."""
         times = [p["time"].values for p in self.planes.values()]
         first, last = max(float(t[0]) for t in times), min(float(t[-1]) for t in times)
@@ -83,7 +84,7 @@ class Flow(NamedTuple):
         """x0, x1, y0, y1 (m) of what every picture shows."""
         return draw_flow.view_limits(self.planes, self.dominant)
 
-    def images(self, planes: dict[str, xr.Dataset], **more: Any) -> Callable[[float], np.ndarray]:
+    def images(self, planes: dict[str, xr.Dataset], **more: Any) -> Callable[[float], ndarray]:
         """As `flow_figure`, in this region and with one scale of colours for all."""
         limit = draw_flow.vorticity_limit(self.planes["cfd"], self.instants())
         outlines = json.loads(self.planes["cfd"].attrs.get("fixed_bodies", "[]"))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
 from fileio.formats.kinematics import read_kinematics
 from postprocess.draw import animation
@@ -68,7 +69,7 @@ def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
         album.add(None, f"pair_{name}.webp", "pinch", alt, caption)
 
 
-def _free_gap(path: Path, time: np.ndarray) -> np.ndarray:
+def _free_gap(path: Path, time: ndarray) -> ndarray:
     """Gap (m) over `time` by the chambers' pressure alone, NaN once the pinch's shapes end."""
     kinematics = read_kinematics(path)
     free = kinematics.values("free_pressure")
@@ -80,7 +81,7 @@ def _free_gap(path: Path, time: np.ndarray) -> np.ndarray:
     return np.where(passed, np.nan, np.interp(pressure, known, gaps))
 
 
-def _format_closing(met: float | None, time: np.ndarray, free: np.ndarray) -> str:
+def _format_closing(met: float | None, time: ndarray, free: ndarray) -> str:
     """When and how fast the tips would meet without the closing law."""
     known = np.flatnonzero(np.isfinite(free))
     if met is None or not 1 < known.size < time.size:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
 from fileio.formats.records import RUN
 from fileio.json_text import read_json
@@ -32,7 +33,7 @@ _OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until(
 _LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
 
 
-def front(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
+def front(cost: ndarray, error: ndarray) -> ndarray:
     """Whether no run (n,) is both cheaper and more accurate; a run without error never counts."""
     beaten = (cost[None] <= cost[:, None]) & (error[None] <= error[:, None])
     strictly = (cost[None] < cost[:, None]) | (error[None] < error[:, None])
