@@ -2,7 +2,10 @@
 
 from typing import Any
 
-from pipeline.scene.sections import SMOOTHING
+from pipeline.scene.obstacle import Obstacle
+from pipeline.scene.pinch import Pinch
+from pipeline.scene.scene import Scene
+from pipeline.scene.sections import SMOOTHING, Motion
 
 _GRAVITY = 9.81  # m/s²
 _WAVES = 0.5  # Froude number from which waves are to be expected
@@ -18,44 +21,42 @@ _PARTS = {
 }
 
 
-def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[tuple[str, str]]:
-    """Pairs (what, why) for the report, from the scene's sections tank, finger, fluid and model.
+def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str, str]]:
+    """Pairs (what, why) for the report.
 
     `speed`: peak tip speed (m/s); `tip_height`: highest position of the tip (m).
     """
-    fluid, finger, body = scene["fluid"], scene["finger"], scene.get("body")
-    name = "body" if body else "finger"
-    reynolds = speed * _width(scene) / fluid["kinematic_viscosity"]
-    depth = scene["tank"]["water_depth"] - max(tip_height, finger["root"][1])
-    turbulence, kind = fluid["turbulence"], scene["model"]["kind"]
+    name = "body" if scene.body else "finger"
+    reynolds = speed * _width(scene) / scene.fluid.kinematic_viscosity
+    turbulence, kind = scene.fluid.turbulence, scene.model.kind
     flow = (
         "The flow is laminar in the equations: no turbulence model acts."
         if turbulence == "laminar"
         else f"Turbulence below the mesh size is modelled by {turbulence}."
     )
     model = _PARTS[kind].format(name=name)
-    if scene.get("pinch") and kind == "2d":
+    if scene.pinch and kind == "2d":
         model += " The plane between the fingers is a plane of symmetry."
     support = (
-        f"A block of {' × '.join(f'{1e3 * side:.0f}' for side in scene['support']['size'])} mm"
+        f"A block of {' × '.join(f'{1e3 * side:.0f}' for side in scene.support.size)} mm"
         " above the roots."
-        if scene.get("support")
+        if scene.support
         else f"The hardware that holds the {name} is not in the water of the simulation."
     )
     motion = (
         "The body is rigid and its motion is prescribed."
-        if body
+        if scene.body
         else "Pressure and water make the finger's motion together: in each time step the finger"
         " bends under the loads of the water (docs/coupling.md)."
-        if scene["motion"]["source"] == "structure"
+        if scene.coupled
         else "The finger's motion is prescribed; the water does not bend it. The head of the page"
         " states where water would have it."
     )
-    motion += _pressure(scene["motion"])
+    motion += _pressure(scene.motion)
     surface = (
         f"A rigid lid on which water slips: no waves. At {speed:.2f} m/s the {name} could raise"
         f" the surface by at most {speed**2 / (2 * _GRAVITY) * 1e3:.1f} mm; it stays"
-        f" {depth * 1e3:.0f} mm below it (Froude number by that depth"
+        f" {_depth(scene, tip_height) * 1e3:.0f} mm below it (Froude number by that depth"
         f" {_froude(scene, speed, tip_height):.2f})."
     )
     piv = (
@@ -69,37 +70,36 @@ def statements(scene: dict[str, Any], speed: float, tip_height: float) -> list[t
         ("Turbulence", f"{flow} Reynolds number by {name} width {reynolds:,.0f}."),
         ("Model", model),
         ("Support", support),
-        *([("Obstacles", _obstacles(scene["obstacle"]))] if scene.get("obstacle") else []),
-        *([("Contact", _contact(scene["pinch"]))] if scene.get("pinch") else []),
+        *([("Obstacles", _obstacles(scene.obstacle))] if scene.obstacle else []),
+        *([("Contact", _contact(scene.pinch))] if scene.pinch else []),
         ("PIV", piv),
     ]
 
 
-def _pressure(motion: dict[str, Any]) -> str:
+def _pressure(motion: Motion) -> str:
     """How a measured pressure was smoothed; nothing of strokes."""
-    if not motion.get("pressure_csv"):
+    if not motion.pressure_csv:
         return ""
-    span = motion.get("smoothing")
-    span = SMOOTHING if span is None else span
+    span = SMOOTHING if motion.smoothing is None else motion.smoothing
     if not span:
-        return f" The pressure is a spline through {motion['pressure_csv']}."
+        return f" The pressure is a spline through {motion.pressure_csv}."
     return (
-        f" The pressure of {motion['pressure_csv']} is averaged over the {1e3 * span:g} ms before"
+        f" The pressure of {motion.pressure_csv} is averaged over the {1e3 * span:g} ms before"
         f" each instant, so that the finger starts from rest; it lags by {500 * span:g} ms"
         " (motion.smoothing)."
     )
 
 
-def purpose(scene: dict[str, Any], trial: str, speed: float, tip_height: float) -> tuple[str, str]:
+def purpose(scene: Scene, trial: str, speed: float, tip_height: float) -> tuple[str, str]:
     """What a run can be used for, and what not; `trial`: why it is only for trying out."""
-    name = "body" if scene.get("body") else "finger"
+    name = "body" if scene.body else "finger"
     if trial:
         return (
             "checking that every stage works, and trying out settings.",
             f"any number of the {name}: its flow in space differs from this one.",
         )
     avoid = ["peak vorticity and wall friction, which a finer grid still changes"]
-    if not scene.get("body") and scene["motion"]["source"] != "structure":
+    if not scene.body and not scene.coupled:
         avoid.append("how fast a free finger bends: the motion is prescribed (COUPLED=1 frees it)")
     if _froude(scene, speed, tip_height) > _WAVES:
         avoid.append("anything near the surface: the simulation has no waves")
@@ -110,11 +110,11 @@ def purpose(scene: dict[str, Any], trial: str, speed: float, tip_height: float) 
     )
 
 
-def flow_numbers(scene: dict[str, Any], speed: float, way: float, run: dict[str, Any]) -> str:
+def flow_numbers(scene: Scene, speed: float, way: float, run: dict[str, Any]) -> str:
     """The numbers that set the flow; `speed`: peak of the tip, m/s; `way`: the tip's path, m."""
-    strokes = scene["motion"]["strokes"]
-    width, viscosity = _width(scene), scene["fluid"]["kinematic_viscosity"]
-    time = sum(stroke["duration"] for stroke in strokes) or scene["motion"]["end_time"]
+    strokes = scene.motion.strokes
+    width, viscosity = _width(scene), scene.fluid.kinematic_viscosity
+    time = sum(stroke.duration for stroke in strokes) or scene.motion.end_time
     ratio = (
         f"formation number {way / width:.2g} (way of the tip over width)"
         if len(strokes) < 2
@@ -127,33 +127,35 @@ def flow_numbers(scene: dict[str, Any], speed: float, way: float, run: dict[str,
     )
 
 
-def _width(scene: dict[str, Any]) -> float:
-    body = scene.get("body")
-    return float((body["diameter"] or body["chord"]) if body else scene["finger"]["width"])
+def _width(scene: Scene) -> float:
+    return scene.body.size if scene.body else scene.finger.width
 
 
-def _froude(scene: dict[str, Any], speed: float, tip_height: float) -> float:
+def _froude(scene: Scene, speed: float, tip_height: float) -> float:
     """By the least depth of the finger below the surface."""
-    depth = scene["tank"]["water_depth"] - max(tip_height, scene["finger"]["root"][1])
-    return float(speed / (_GRAVITY * depth) ** 0.5)
+    return float(speed / (_GRAVITY * _depth(scene, tip_height)) ** 0.5)
 
 
-def _obstacles(obstacles: list[dict[str, Any]]) -> str:
+def _depth(scene: Scene, tip_height: float) -> float:
+    return scene.tank.water_depth - max(tip_height, scene.finger.root[1])
+
+
+def _obstacles(obstacles: tuple[Obstacle, ...]) -> str:
     """Which fixed bodies stand beside the finger, and what they are to the water."""
-    shapes = ", ".join(f"{k} a {thing['shape']}" for k, thing in enumerate(obstacles, 1))
+    shapes = ", ".join(f"{k} a {thing.shape}" for k, thing in enumerate(obstacles, 1))
     return (
         f"Fixed bodies stand in the water ({shapes}). They are rigid and water sticks to them; the"
         " mesh has no layers of thin cells there, so friction on them is coarse."
     )
 
 
-def _contact(pinch: dict[str, Any]) -> str:
+def _contact(pinch: Pinch) -> str:
     """What stands for the contact of two fingers."""
-    between, thing = "the plane between the fingers", pinch.get("object")
+    between, thing = "the plane between the fingers", pinch.object
     if thing:
-        between = f"a fixed {thing['shape']} of {1e3 * thing['diameter']:g} mm"
+        between = f"a fixed {thing.shape} of {1e3 * thing.diameter:g} mm"
     return (
-        f"A mesh cannot close: the tips are slowed down over {1e3 * pinch['slowing_distance']:g} mm"
-        f" and stop {1e3 * pinch['residual_gap']:g} mm before {between}. Real tips touch, and give"
+        f"A mesh cannot close: the tips are slowed down over {1e3 * pinch.slowing_distance:g} mm"
+        f" and stop {1e3 * pinch.residual_gap:g} mm before {between}. Real tips touch, and give"
         " way."
     )

@@ -17,7 +17,7 @@ from fileio.formats.plane_series import read_plane
 from fileio.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
 from postprocess.evidence.load import read_clock, read_sources
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.flow_figures import Flow, instant_figures, slider_frames, tip_vortices
 from postprocess.report.motion_figures import bending_figure, water_figure
 from postprocess.report.picture_index import Album
@@ -97,13 +97,13 @@ def _slider(
 
 
 def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
-    out, scene = files.out, scene_numbers(files)
+    out = files.out
     plane, middle = flow.planes["cfd"], comparison["middle_of_stroke_s"]
     timeline(album, files, flow, pd.read_csv(out / "comparison.csv"), middle)
     vortex_figures(album, files, flow, middle)
     if plane.sizes["finger"] > 1:
         pinch_figures(album, out, flow)
-    if scene.get("body") is None:
+    if files.numbers.body is None:
         bending_figure(album, out / "kinematics.h5")
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")

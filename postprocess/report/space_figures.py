@@ -62,9 +62,7 @@ def space_figures(folder: Path, scene: Scene, flow: Flow) -> list[dict[str, Any]
     if scene.model.kind == "2d" or not fields.instants:
         return []
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # each way to draw that it tries
-    body = scene.body
-    width = (body.diameter or body.chord) if body else scene.finger.width
-    assert width is not None
+    width = scene.body.size if scene.body else scene.finger.width
     x0, x1, y0, y1 = flow.region()
     rate = flow.scale / width
     view = View(

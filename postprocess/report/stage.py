@@ -11,7 +11,7 @@ from fileio.record import read_record
 from pipeline.runs.estimate import duration
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import Scene
-from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.report import trust, wording
 from postprocess.report.assumptions import flow_numbers, purpose, statements
 from postprocess.report.page_template import page_template
@@ -25,16 +25,15 @@ def make_report(files: StageFiles) -> Path:
     comparison = COMPARISON.read(files.required("comparison.json", "compare"))
     run = RUN.read(files.required("run/run.json", "run"))
     index = files.required("figures/figures.json", "figures")
-    scene, run_scene = scene_numbers(files), files.numbers
+    scene = files.numbers
     figures = FIGURES.read(index)
-    numerics, trial = trust.level_error([run_scene.folder, *run_scene.parents], files.level)
+    numerics, trial = trust.level_error([scene.folder, *scene.parents], files.level)
     sections = _sections(figures["entries"], index.parent)
     slider = sections["slider"]
     sentences, unquoted = wording.quoted(comparison, sections["flow"], bool(trial))
     pinch = comparison["summary"].get("pinch")
-    body = scene.get("body")
     page = page_template("report.html").render(
-        title=run_scene.title,
+        title=scene.title,
         scene=files.scene,
         level=files.level,
         agrees=None if trial else comparison["verdict"]["agrees"],
@@ -49,7 +48,7 @@ def make_report(files: StageFiles) -> Path:
         sentences=sentences,
         unquoted=unquoted,
         middle=comparison["middle_of_stroke_s"],
-        strokes=len(scene["motion"]["strokes"]),
+        strokes=len(scene.motion.strokes),
         sections=sections,
         pinch=pinch,
         pinch_table=pinch_table(pinch) if pinch else None,
@@ -62,8 +61,8 @@ def make_report(files: StageFiles) -> Path:
                 "texts": sections["timeline"][0]["texts"],
             }
         ),
-        notes=wording.absences(comparison, finger=not body),
-        body="fingers" if pinch else "body" if body else "finger",
+        notes=wording.absences(comparison, finger=not scene.body),
+        body="fingers" if pinch else "body" if scene.body else "finger",
         modelled=statements(scene, comparison["scale"]["value"], figures["tip_height"]),
         numbers=_numbers(files.out),
         run=run,
