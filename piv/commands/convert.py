@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help=".h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV), .vc7 (DaVis)",
+        help=".h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV)",
     )
     parser.add_argument(
         "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"

@@ -8,7 +8,6 @@ import xarray as xr
 
 from fileio.atomic import write_text
 from fileio.formats.plane_series import check_plane, write_plane
-from piv.foreign.davis import write_buffer
 from piv.foreign.pivpy import write_pivpy
 from piv.foreign.whole import write_csv, write_mat, write_tecplot, write_vti
 
@@ -20,23 +19,22 @@ _WHOLE = {  # which hold every variable
     ".dat": write_tecplot,
     ".vti": write_vti,
 }
-# what the others hold of each vector
-_HELD = {".txt": ("u", "v", "valid", "flag"), ".vc7": ("u", "v", "valid")}
+_OPENPIV = ("u", "v", "valid", "flag")  # what its files hold of each vector
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
-    """Write by suffix: .h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV), .vc7.
+    """Write by suffix: .h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV).
 
-    The last three write one file per instant, numbered where there are several; `left_out` says
-    what the last two cannot hold. Returns the files.
+    The last two write one file per instant, numbered where there are several; `left_out` says
+    what the last one cannot hold. Returns the files.
     """
     path = Path(path)
     check_plane(plane)
     suffix = path.suffix.lower()
     if suffix in _WHOLE:
         return _WHOLE[suffix](plane, path) or [path]
-    if suffix not in _HELD:
-        known = " ".join([*_WHOLE, *_HELD])
+    if suffix != ".txt":
+        known = " ".join([*_WHOLE, ".txt"])
         raise ValueError(f"{path}: cannot write {suffix!r}; known are {known}")
     if "time" not in plane.dims:
         frames, names = [plane], [path]
@@ -45,17 +43,14 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
         width = max(4, len(str(len(frames) - 1)))
         names = [path.with_name(f"{path.stem}_{k:0{width}d}{suffix}") for k in range(len(frames))]
     for name, frame in zip(names, frames, strict=True):
-        if suffix == ".vc7":
-            write_buffer(frame, name)
-        else:
-            write_text(name, _openpiv(frame))
+        write_text(name, _openpiv(frame))
     return names
 
 
 def left_out(plane: xr.Dataset, path: str | Path) -> list[str]:
     """Names of the variables that the format of `path` does not hold."""
-    held = _HELD.get(Path(path).suffix.lower())
-    return [] if held is None else [str(n) for n in plane.data_vars if n not in held]
+    openpiv = Path(path).suffix.lower() == ".txt"
+    return [str(n) for n in plane.data_vars if openpiv and n not in _OPENPIV]
 
 
 def units_of(plane: xr.Dataset) -> tuple[str, str]:
