@@ -108,7 +108,7 @@ def command_line(
     """Run the subcommand in `argv` within `around(args)`; returns the exit code.
 
     commands: by name, a description and the module (or its name) with `run(args)` and, for
-    arguments, `add_arguments(parser)`. Only the module of the chosen command is imported.
+    arguments, `add_arguments(parser)`; all have --quiet. Only the chosen module is imported.
     """
     parser = _Parser(prog=program, description=doc)
     parser.add_argument("--version", action="version", version=f"{program} {__version__}")
@@ -129,6 +129,7 @@ def command_line(
                 module = import_module(where) if isinstance(where, str) else where
                 if hasattr(module, "add_arguments"):
                     module.add_arguments(sub)
+                sub.add_argument("--quiet", action="store_true", help="print nothing but errors")
         args, unknown = parser.parse_known_args(words)
         if unknown:
             options = suggestion(unknown[0], chosen._option_string_actions)

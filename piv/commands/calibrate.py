@@ -70,7 +70,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     use.add_argument("--interval", type=float, help=f"{INTERVAL_HELP}, where the file has none")
     use.add_argument("--rate", type=float, help=f"{RATE_HELP}, where the file has no times")
     use.add_argument("--image", help="an image to rectify")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -62,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar=("LOW", "HIGH"),
             help=f"vectors with {name} outside are outliers, in the unit of the result",
         )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:

@@ -88,7 +88,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=argparse.SUPPRESS,
         help="how to make coloured images grey (default refuse)",
     )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def make(

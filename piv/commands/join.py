@@ -10,7 +10,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Flags of the subcommand."""
     parser.add_argument("output", help="plane series to write (.h5); its chunks lie beside it")
     parser.add_argument("--keep", action="store_true", help="do not remove the chunks afterwards")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:

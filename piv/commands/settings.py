@@ -32,10 +32,9 @@ def at_least(least: float, kind: Callable[[str], Any] = float) -> Callable[[str]
 
 
 def add_paths(parser: argparse.ArgumentParser, output: str, source: str = VECTORS) -> None:
-    """Arguments source, -o/--output and --quiet; `output` and `source`: their helps."""
+    """Arguments source and -o/--output; `output` and `source`: their helps."""
     parser.add_argument("source", type=Path, help=source)
     parser.add_argument("-o", "--output", type=Path, required=True, help=output)
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:

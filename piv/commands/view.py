@@ -20,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port", type=int, default=5006, help="of the page, at 127.0.0.1 (default %(default)s)"
     )
     parser.add_argument("--no-browser", action="store_true", help="only say the address")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def run(args: argparse.Namespace) -> None:

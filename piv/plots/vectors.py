@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from fileio.formats.plane_series import usable
+from fileio.formats.plane_series import fields_of, usable
 
 logging.getLogger("matplotlib.font_manager").setLevel(
     logging.ERROR
@@ -82,8 +82,7 @@ def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
     """Field that colours a picture: a variable of the plane, or its vorticity; else ValueError."""
     if name == "vorticity" and name not in plane:
         return vorticity(plane)
-    if name not in plane or plane[name].dims[-2:] != ("y", "x"):
-        known = [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
+    if name not in (known := fields_of(plane)):
         raise ValueError(
             f"the file has no {name!r} to colour by; it has vorticity, {', '.join(known)}"
         )
