@@ -6,10 +6,8 @@ origin) * scale. With one, px are turned to image rows, freed of distortion (Ope
 2000), taken by a homography to px of the sheet and then scaled.
 """
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -216,11 +214,9 @@ def calibrate_plane(
     `rate`: pairs per second; both where the file does not state them. ValueError where they lack.
     """
     interval = interval_of(plane_px, interval)
-    attrs = plane_px.attrs | {
-        "calibration": json.dumps(_calibration_summary(calibration)),
-        "scale_mm_per_px": calibration.scale_mm_per_px,
-        "interval": interval,
-    }
+    names = ("scale_mm_per_px", "origin_x_px", "origin_y_px")
+    attrs = plane_px.attrs | {name: getattr(calibration, name) for name in names}
+    attrs["interval"] = interval
     time = seconds(plane_px, interval, rate) if "time" in plane_px.dims else None
     if calibration.lens is None:
         plane = _scaled(plane_px, calibration, interval)
@@ -288,15 +284,6 @@ def _sampled(plane_px: xr.Dataset, calibration: Calibration, interval: float) ->
         more["flag"] = flag
     time = plane_px["time"].values if "time" in plane_px.dims else None
     return make_plane(x_m, y_m, u, v, time=time, valid=ok & sure, **more)
-
-
-def _calibration_summary(calibration: Calibration) -> dict[str, Any]:
-    """What to store with results."""
-    names = ("scale_mm_per_px", "origin_x_px", "origin_y_px")
-    short: dict[str, Any] = {k: getattr(calibration, k) for k in names}
-    if calibration.lens is not None:
-        short["reprojection_rms_px"] = calibration.lens.reprojection_rms_px
-    return short
 
 
 def _sheet_grid(calibration: Calibration, x: ndarray, y: ndarray) -> list[ndarray]:

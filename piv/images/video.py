@@ -29,11 +29,8 @@ class Video(Recording):
             raise ValueError(
                 f"{path}: a video without frames, or whose container does not say how many"
             )
-        played = self._capture.get(cv2.CAP_PROP_FPS)
+        # no times: a high-speed film is usually stored with a playing rate, not with the camera's
         super().__init__(str(path), count)
-        # A high-speed film is usually stored with a playing rate, not with the camera's: never
-        # taken as time.
-        self.attrs["playing_rate_hz"] = float(played)
 
     def _open(self) -> None:
         if not self.path.is_file():
