@@ -3,8 +3,6 @@
 Of a coupled run they are a first guess, under modelled water, for its meshes.
 """
 
-from typing import Any
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -14,11 +12,6 @@ from pipeline.kinematics.values import kinematics_values, units_of
 from pipeline.scene.scene import Scene
 
 _JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
-
-
-def _motion_rate(values: dict[str, Any]) -> np.ndarray:
-    """Rate (time,) of the pressure."""
-    return np.asarray(CubicSpline(values["time"], values["pressure"])(values["time"], 1))
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
@@ -38,7 +31,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
             f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes,"
             f" tip ≤ {values['peak_tip_speed']:.3f} m/s"
         )
-        rate = np.abs(_motion_rate(values))
+        rate = np.abs(CubicSpline(values["time"], values["pressure"])(values["time"], 1))
         if rate[0] > _JUMP * rate.max():
             print(
                 f"kinematics: warning: {scene.motion.pressure_csv or scene.motion.recording} begins"

@@ -272,11 +272,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
             "model": scene.model.kind,
             "mirror": int(scene.pinch is not None and not scene.both_fingers),
         },
-        [
-            _mesh_values(morphed, bodies, width, scene.both_fingers, levels)
-            | (_built(morphed.planform) if scene.coupled else {})
-            for morphed in meshes
-        ],
+        [_mesh_values(morphed, bodies, scene, levels) for morphed in meshes],
     )
     if not quiet:
         cells = ", ".join(str(len(s.planform.triangles) + len(s.planform.quads)) for s in meshes)
@@ -306,24 +302,16 @@ def _intervals_of(parts: list[Part], time_step: float, rest: int) -> list[Interv
     return result
 
 
-def _built(planform: Planform) -> dict[str, Any]:
-    """What a coupled run needs to move the mesh itself."""
-    return {"built": planform.nodes, "fixed": planform.fixed.astype(np.uint8)}
-
-
 def _mesh_values(
-    mesh: _MorphedPlanform,
-    bodies: tuple[FixedBody, ...],
-    width: float,
-    both_fingers: bool,
-    levels: ndarray,
+    mesh: _MorphedPlanform, bodies: tuple[FixedBody, ...], scene: Scene, levels: ndarray
 ) -> dict[str, Any]:
-    """Variables and attributes of a mesh in planform.h5; `width` (m) is the finger's."""
+    """Variables and attributes of a mesh in planform.h5."""
     planform, frames = mesh.planform, mesh.frames
+    built = {"built": planform.nodes, "fixed": planform.fixed.astype(np.uint8)}
     names = ["water", "finger", *(body.name for body in bodies)]
-    half = 0.5 * width
+    half = 0.5 * scene.finger.width
     reach = [0.0, half, *(body.half_width for body in bodies)]
-    if both_fingers:
+    if scene.both_fingers:
         frames = mirrored_shapes(frames, planform)
         planform = mirrored(planform, len(names))
         names.append("mirrored_finger")
@@ -342,4 +330,5 @@ def _mesh_values(
         "outer": planform.outer,
         "levels": levels,
         "corners": np.array(planform.corners).ravel(),
+        **(built if scene.coupled else {}),  # which moves the mesh itself
     }

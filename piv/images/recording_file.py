@@ -1,7 +1,6 @@
 """The project's own recordings, images.h5."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -24,7 +23,8 @@ class RecordingFile(Recording):
         try:
             count = self._checked()
             super().__init__(str(path), count)
-            self.attrs = {k: _scalar(v) for k, v in self._file.attrs.items() if k in _ATTRIBUTES}
+            known = {k: v for k, v in self._file.attrs.items() if k in _ATTRIBUTES}
+            self.attrs = {k: v.item() if isinstance(v, np.generic) else v for k, v in known.items()}
             self._check_attributes()
             self.finger = {
                 name: self._file[name].shape[1:] for name in FINGER_VARIABLES if name in self._file
@@ -89,7 +89,3 @@ class RecordingFile(Recording):
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def _scalar(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value

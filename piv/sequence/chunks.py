@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +40,6 @@ class Chunk:
             )
         first, last = (fields * k // of for k in (number - 1, number))
         return cls(number, of, first, last - first, fields)
-
-    def to_json(self, identity: str) -> str:
-        """The attribute `chunk` of a part's file; `identity`: the series_key of all parts."""
-        return json.dumps(asdict(self) | {"identity": identity})
 
 
 def series_key(identity: Any) -> str:

@@ -1,5 +1,6 @@
 """A whole recording to a plane series: field by field, in parallel, resumable."""
 
+import json
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -164,7 +165,7 @@ def correlate_recording(
         attrs["interval"] = float(f"{np.mean(units.interval):.12g}")
     identity = series_key([_seen(recording), settings, units.scale, units.origin, units.names])
     if part is not None:
-        attrs["chunk"] = identity = part.to_json(identity)
+        attrs["chunk"] = identity = json.dumps(asdict(part) | {"identity": identity})
         if is_chunk(output, identity):
             return Path(output)
     time = units.time

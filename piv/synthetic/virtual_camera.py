@@ -213,16 +213,13 @@ class Recorder:
         every = self.truth_stride
         x, y = np.meshgrid(self.field.x[::every], self.field.y[::every])
         dx, dy = exact_displacement(self.field, x, y, t0, t1, self.motion(index).substeps)
-        near = self.series.isel(time=sorted({self._plane_before(t0), self._plane_after(t1)}))
+        time = self.field.time
+        before = max(0, int(np.searchsorted(time, t0 + 1e-9, side="right")) - 1)
+        after = min(time.size - 1, int(np.searchsorted(time, t1 - 1e-9)))
+        near = self.series.isel(time=sorted({before, after}))
         valid = usable(near).all("time").values[::every, ::every]
         u, v = (np.where(valid, d / (t1 - t0), np.nan) for d in (dx, dy))
         return u, v, valid.astype(np.uint8)
-
-    def _plane_before(self, t: float) -> int:
-        return max(0, int(np.searchsorted(self.field.time, t + 1e-9, side="right")) - 1)
-
-    def _plane_after(self, t: float) -> int:
-        return min(self.field.time.size - 1, int(np.searchsorted(self.field.time, t - 1e-9)))
 
     def attributes(self) -> dict[str, Any]:
         """Root attributes of the recording (docs/formats.md) but for provenance."""

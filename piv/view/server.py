@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-import numpy as np
-
 from fileio.errors import sentence
+from fileio.json_text import plain
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import Scene
@@ -155,7 +154,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             if isinstance(answer, bytes):
                 self._reply(200, answer, "image/png")
             else:
-                self._reply(200, json.dumps(answer, default=_plain).encode(), JSON)
+                self._reply(200, json.dumps(answer, default=plain).encode(), JSON)
 
         def log_message(self, *_: Any) -> None:
             pass
@@ -188,7 +187,3 @@ _POLICY = (
     "img-src 'self' blob: data:; connect-src 'self'"
 )
 TEXT, JSON = "text/plain; charset=utf-8", "application/json"
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

@@ -68,8 +68,9 @@ class Finding(Section):
 
     @model_validator(mode="after")
     def _comparable(self) -> "Finding":
-        value, ranged = self.value, isinstance(self.value, tuple)
-        if ranged != (self.comparison == "in range") or (ranged and value[0] > value[1]):
+        value = self.value
+        falling = isinstance(value, tuple) and value[0] > value[1]
+        if isinstance(value, tuple) != (self.comparison == "in range") or falling:
             raise ValueError("comparison 'in range', and no other, needs value = [low, high]")
         if isinstance(value, str) and self.comparison != "equals":
             raise ValueError(f"the word {value!r} can only be compared by 'equals'")
