@@ -17,12 +17,6 @@ from numpy import float32, ndarray
 from piv.images.recording import Recording
 from piv.images.static_background import static_background
 
-STEPS = {
-    "background": "min",
-    "clahe": "64",
-    "highpass": "8",
-    "cap": "3",
-}  # and their default values
 # of a longer recording, evenly chosen: more changes nothing that is visible
 _BACKGROUND_FRAMES = 500
 _CLIP = 2.0  # limit of the contrast of clahe
@@ -79,20 +73,13 @@ def _cap_intensity(image: ndarray, n: float) -> ndarray:
     return np.minimum(image, float(np.median(image)) + n * float(image.std()))
 
 
-_FUNCTIONS: dict[str, Callable[..., ndarray]] = {
-    "background": _subtract_background,
-    "clahe": _clahe,
-    "highpass": _highpass,
-    "cap": _cap_intensity,
+# of each step its default value and its function
+_STEPS: dict[str, tuple[str, Callable[..., ndarray]]] = {
+    "background": ("min", _subtract_background),
+    "clahe": ("64", _clahe),
+    "highpass": ("8", _highpass),
+    "cap": ("3", _cap_intensity),
 }
-
-
-def _parse_step(text: str) -> tuple[str, str]:
-    """("highpass", "8") from "highpass=8"; a step without a value takes its default."""
-    name, _, value = text.partition("=")
-    if name not in STEPS:
-        raise ValueError(f"unknown pre-processing step {text!r}; known are {', '.join(STEPS)}")
-    return name, value or STEPS[name]
 
 
 class Preprocessor:
@@ -102,16 +89,28 @@ class Preprocessor:
         self.steps: list[str] = []
         self._chain: list[tuple[Callable[..., ndarray], ndarray | float]] = []
         self._hidden: ndarray | None = None
-        for name, value in map(_parse_step, steps):
+        for text in steps:
+            name, _, value = text.partition("=")
+            if name not in _STEPS:
+                known = ", ".join(_STEPS)
+                raise ValueError(f"unknown pre-processing step {text!r}; known are {known}")
+            default, function = _STEPS[name]
+            value = value or default
             argument: ndarray | float
             if (name, value) == ("background", "static"):
                 if (static := static_background(recording)) is None:
                     continue
                 argument, self._hidden = static
+            elif name == "background":
+                argument = background(recording, value)
             else:
-                argument = _argument(name, value, recording)
+                try:
+                    argument = float(value)
+                except ValueError:
+                    step = f"pre-processing step '{name}={value}'"
+                    raise ValueError(f"{step}: {value!r} is not a number") from None
             self.steps.append(f"{name}={value}")
-            self._chain.append((_FUNCTIONS[name], argument))
+            self._chain.append((function, argument))
 
     def mask(self, body: ndarray | None) -> ndarray | None:
         """A frame's mask (true = body), with the pixels that something static saturates."""
@@ -124,14 +123,3 @@ class Preprocessor:
         for function, argument in self._chain:
             image = function(image, argument)
         return image
-
-
-def _argument(name: str, value: str, recording: Recording) -> ndarray | float:
-    if name == "background":
-        return background(recording, value)
-    try:
-        return float(value)
-    except ValueError:
-        raise ValueError(
-            f"pre-processing step '{name}={value}': {value!r} is not a number"
-        ) from None
