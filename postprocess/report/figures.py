@@ -8,7 +8,6 @@ from operator import call
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from fileio.child_process import read_in_child, worker_pool
 from fileio.formats.finger_loads import motion_sentence, read_loads
@@ -34,11 +33,11 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
     """Draw everything for one scene and level by `threads` processes; returns the index."""
     loads = files.optional("loads.h5")
     shown = ["cfd", "piv", "difference"] if files.optional("piv.h5") else ["cfd"]
-    jobs: list[_Job] = [partial(_draw, files, draw) for draw in (_space, _others, _instants)]
-    jobs += [partial(_draw, files, partial(_slider, source=source)) for source in shown]
+    jobs: list[_Job] = [partial(_draw, files, draw) for draw in (_space, _others, instant_figures)]
+    jobs += [partial(_draw, files, partial(slider_frames, source=source)) for source in shown]
     with worker_pool(threads, forked=True) if threads > 1 else nullcontext() as pool:
         entries = list(chain.from_iterable((pool.map if pool else map)(call, jobs)))
-    with _evidence(files) as (flow, _):
+    with _flow(files) as flow:
         tip = flow.planes["cfd"]["tip"].values[:, 0]
     known: dict[str, Any] = {}
     if loads:
@@ -55,30 +54,31 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _evidence(files: StageFiles) -> Iterator[tuple[Flow, dict[str, Any]]]:
-    """The flow that is drawn, and the comparison; each process reads them by itself."""
+def _flow(files: StageFiles) -> Iterator[Flow]:
+    """The flow that is drawn; each process reads it by itself."""
     comparison = COMPARISON.read(files.out / "comparison.json")
+    middle, scale = comparison["middle_of_stroke_s"], comparison["scale"]["value"]
     planes, tables = read_sources(files)
     try:
         clock = read_clock(files.numbers, planes["cfd"])
-        dominant = tip_vortices(planes["cfd"], tables, clock, comparison["middle_of_stroke_s"])
-        yield Flow(planes, tables, dominant, comparison["scale"]["value"], clock), comparison
+        dominant = tip_vortices(planes["cfd"], tables, clock, middle)
+        yield Flow(files, planes, tables, dominant, scale, clock, middle)
     finally:
         for plane in planes.values():
             plane.close()
 
 
-def _draw(files: StageFiles, draw: Callable[..., None]) -> list[dict[str, Any]]:
+def _draw(files: StageFiles, draw: Callable[[Album, Flow], None]) -> list[dict[str, Any]]:
     album = Album(files.figures)
-    with _evidence(files) as (flow, comparison):
-        draw(album, files, flow, comparison)
+    with _flow(files) as flow:
+        draw(album, flow)
     return album.entries
 
 
-def _space(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
+def _space(album: Album, flow: Flow) -> None:
     """In a process of its own: without a library to draw off-screen, VTK ends the process."""
     try:
-        album.entries += read_in_child(space_figures, album.folder, files.numbers, flow)
+        album.entries += read_in_child(space_figures, album.folder, flow)
     except ChildProcessError:
         print(
             "No picture in space: VTK cannot draw without a screen here; install libegl1 and"
@@ -86,33 +86,22 @@ def _space(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, An
         )
 
 
-def _instants(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
-    instant_figures(album, flow)
-
-
-def _slider(
-    album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any], source: str
-) -> None:
-    slider_frames(album, flow, source)
-
-
-def _others(album: Album, files: StageFiles, flow: Flow, comparison: dict[str, Any]) -> None:
-    out = files.out
-    plane, middle = flow.planes["cfd"], comparison["middle_of_stroke_s"]
-    timeline(album, files, flow, pd.read_csv(out / "comparison.csv"), middle)
-    vortex_figures(album, files, flow, middle)
+def _others(album: Album, flow: Flow) -> None:
+    out, plane, at = flow.files.out, flow.planes["cfd"], float(np.mean(flow.middle))
+    timeline(album, flow)
+    vortex_figures(album, flow)
     if plane.sizes["finger"] > 1:
-        pinch_figures(album, out, flow)
-    if files.numbers.body is None:
+        pinch_figures(album, flow)
+    if flow.files.numbers.body is None:
         bending_figure(album, out / "kinematics.h5")
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
-        if plane.sizes["finger"] == 1 and (measured := files.optional("pressure.h5")):
+        if plane.sizes["finger"] == 1 and (measured := flow.files.optional("pressure.h5")):
             with read_plane(measured) as series:
-                pressure_figure(album, series, plane, float(np.mean(middle)))
+                pressure_figure(album, series, plane, at)
     energy_figure(album, out)
     if (out / "images.h5").exists():
-        camera_picture(album, out / "images.h5", float(np.mean(middle)))
+        camera_picture(album, out / "images.h5", at)
     mesh_figures(album, read_planforms(out / "planform.h5"), plane)
 
 

@@ -18,6 +18,7 @@ from postprocess.draw.style import NAMES, WIDTH
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.fields import difference
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import Clock, Window, interval
 from postprocess.report.picture_index import Album
@@ -51,13 +52,18 @@ def tip_vortices(
 
 
 class Flow(NamedTuple):
-    """What is drawn, by source: plane series, all vortices, and the vortices that are judged."""
+    """What is drawn, by source: plane series, all vortices, and the vortices that are judged.
 
+    `middle`: of the stroke, s.
+    """
+
+    files: StageFiles
     planes: dict[str, xr.Dataset]
     tables: dict[str, pd.DataFrame]
     dominant: Tracks
     scale: float  # m/s
     clock: Clock
+    middle: tuple[float, float]
 
     def instants(self) -> ndarray:
         """Times of the pictures, s: through the stroke, of a pinch from contact on, the last."""

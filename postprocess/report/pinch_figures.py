@@ -21,9 +21,9 @@ from postprocess.words import quantity
 _APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
 
 
-def pinch_figures(album: Album, out: Path, flow: Flow) -> None:
-    """Draw the section "pinch" from the comparison's tables in `out`."""
-    clock, met = flow.clock, flow.clock.met()
+def pinch_figures(album: Album, flow: Flow) -> None:
+    """Draw the section "pinch" from the comparison's tables."""
+    clock, met, out = flow.clock, flow.clock.met(), flow.files.out
     lines, integrals = (
         {s: pd.read_csv(out / f"{name}_{s}.csv") for s in flow.planes}
         for name in ("centreline", "integrals")

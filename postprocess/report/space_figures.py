@@ -9,7 +9,6 @@ import xarray as xr
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from fileio.formats.plane_series import make_plane
-from pipeline.scene.scene import Scene
 from pipeline.view.fields import RunFields
 from pipeline.view.grids import mirror_planes, with_mirror_image
 from piv.plots.film import write_film
@@ -53,11 +52,12 @@ def _slice(fields: RunFields, view: View, time: float, z: float, flow: Flow) -> 
     return make_plane(x, y, u, v, time=np.array([time]), **more)
 
 
-def space_figures(folder: Path, scene: Scene, flow: Flow) -> list[dict[str, Any]]:
+def space_figures(folder: Path, flow: Flow) -> list[dict[str, Any]]:
     """Two instants of the stroke, slices and a film; nothing of a plane run or without fields.
 
     Returns their entries in the index.
     """
+    scene = flow.files.numbers
     fields, album = RunFields(scene), Album(folder)
     if scene.model.kind == "2d" or not fields.instants:
         return []

@@ -23,18 +23,11 @@ _LEVELS = ("draft", "coarse", "medium", "fine", "reference")
 _TONES = ("#9ecae9", "#4d9bd0", CFD, "#0b3c6d", FIRST)  # light to dark as the grid is refined
 
 
-def timeline(
-    album: Album,
-    files: StageFiles,
-    flow: Flow,
-    series: pd.DataFrame,
-    middle: tuple[float, float],
-) -> None:
-    """Motion, circulation, force and agreement over time, with their values at each instant.
-
-    `series`: comparison.csv; `middle`: of the stroke, s.
-    """
-    panels = _motion(files, flow)
+def timeline(album: Album, flow: Flow) -> None:
+    """Motion, circulation, force and agreement over time, with their values at each instant."""
+    files = flow.files
+    series = pd.read_csv(files.out / "comparison.csv")
+    panels = _motion(flow)
     if flow.dominant:
         panels.append(("circulation,\ncm²/s", draw_series.circulations(flow.dominant)))
     panels.append(("force of the\nwater, mN", _forces(files.out / "run" / "forces.csv")))
@@ -54,16 +47,16 @@ def timeline(
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures
     height = float(np.clip(max(beside, 1.15 * len(panels)), 4.8, 7.5))
-    figure = over_time(panels, height, middle=middle)
+    figure = over_time(panels, height, middle=flow.middle)
     album.add(figure, "timeline.svg", "timeline", alt, caption, texts=texts)
 
 
-def _motion(files: StageFiles, flow: Flow) -> Panels:
+def _motion(flow: Flow) -> Panels:
     """What drives the flow: pressure and bend, or of a rigid body its path or turn."""
-    kinematics, plane = read_kinematics(files.out / "kinematics.h5"), flow.planes["cfd"]
+    kinematics, plane = read_kinematics(flow.files.out / "kinematics.h5"), flow.planes["cfd"]
     clock, drive = kinematics.law.x, kinematics.data["pressure"].values
     turn = np.degrees(plane["bend"].values[:, 0])
-    if files.numbers.body is None:
+    if flow.files.numbers.body is None:
         return [
             ("pressure,\nkPa", [Curve(clock, drive / 1e3)]),
             ("bend, °", [Curve(plane["time"].values, turn)]),
@@ -97,10 +90,9 @@ def _values(panels: Panels, time: float) -> str:
     return "; ".join(parts)
 
 
-def vortex_figures(
-    album: Album, files: StageFiles, flow: Flow, middle: tuple[float, float]
-) -> None:
+def vortex_figures(album: Album, flow: Flow) -> None:
     """The way of the tip vortices, and circulation and force of the levels that were run."""
+    files, middle = flow.files, flow.middle
     if flow.dominant:
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
         caption = (

@@ -297,12 +297,12 @@ def test_levels_that_are_not_stale_are_drawn_together(made, tmp_path, monkeypatc
     names = []
     for why in (None, "mesh.tip_cell changed"):
         monkeypatch.setattr(Run, "why_stale", lambda run, stage, why=why: why)
-        figures._draw(files, lambda album, *rest: _level_names(names, album, *rest))
+        figures._draw(files, lambda album, flow: _level_names(names, album, flow))
     assert names == [["paths.svg", "levels.svg"], ["paths.svg"]]
 
 
-def _level_names(names, album, files, flow, comparison):
-    time_figures.vortex_figures(album, files, flow, comparison["middle_of_stroke_s"])
+def _level_names(names, album, flow):
+    time_figures.vortex_figures(album, flow)
     names.append([entry["file"] for entry in album.entries])
 
 
