@@ -66,7 +66,6 @@ class Coupled:
         self.step = scene.numerics.time_step
         self.last = steps_of(scene.motion.end_time, self.step)
         self.finger = ElasticFinger.of(scene)
-        self.finger.need_stiffness(scene)
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
         self.force = np.zeros(self.last + 1)  # of the contact, N
@@ -120,8 +119,8 @@ class Coupled:
                 most *= 4
             short(brentq(short, 0.0, most, xtol=_CONTACT * 1e-3, rtol=1e-9))
 
-    def write(self, followers: list[Follower]) -> list[IntervalMesh]:
-        """Check the motion and write it in place of the first guess; its meshes. StageError."""
+    def write(self, meshes: list[IntervalMesh], quality: list[tuple]) -> None:
+        """Check the motion and write it and its meshes in place of the first guess. StageError."""
         scene, h = self.scene, self.history
         result = h.check()
         if fault := result.fault(scene.finger.length):
@@ -132,7 +131,6 @@ class Coupled:
         out, time = scene.out / "run", self.step * np.arange(self.last + 1)
         values = kinematics_values(scene, self.finger.shapes(time, h.pressure, h.delta), exact=True)
         write_kinematics(out / "kinematics.h5", values, units=units_of(scene, values))
-        meshes = [follower.mesh() for follower in followers]
         planforms = [mesh.planform for mesh in meshes]
         write_planform(
             out / "planform.h5",
@@ -143,8 +141,7 @@ class Coupled:
                 for p in planforms
             ],
         )
-        rows = [row for follower in followers for row in follower.quality]
-        MESH_QUALITY.write(out / "mesh_quality.csv", rows)
+        MESH_QUALITY.write(out / "mesh_quality.csv", quality)
         write_elastic_motion(
             scene.out / FILE,
             {
@@ -158,7 +155,6 @@ class Coupled:
                 "first_order": int(h.first_order),
             },
         )
-        return meshes
 
 
 class Follower:

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from tqdm import tqdm
 
@@ -34,6 +34,7 @@ from pipeline.run.checkpoint import (
     last_checkpoint,
     reached_time,
 )
+from pipeline.run.coupled import Follower
 from pipeline.run.guards import FINER, Guard
 
 PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
@@ -41,19 +42,6 @@ _OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.
 _NOTE_EVERY = 10.0  # s between updates of the cost, for a run that is killed
 _SILENCE = 900.0  # s without a line from the solver
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-
-
-class Follower(Protocol):
-    """Gives the solver of a coupled run its motion."""
-
-    def begin(self, time: float) -> None:
-        """The solver starts at `time` (s)."""
-
-    def answer(self, time: float, alive: Callable[[], bool]) -> None:
-        """It has computed the step that ends at `time` (s)."""
-
-    def end(self) -> None:
-        """It has ended, or was stopped."""
 
 
 class Watchdog:

@@ -58,14 +58,13 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             print(f"run: {least} cells are too few for {ranks} ranks; {useful} used")
         moving = meshes[0].interval.moving
         layout = resumable_ranks(cases[0], moving, Ranks(useful, collated and useful > 1), quiet)
-        spent, followers = [], []
+        spent, quality = [], []
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
                   bar_format=BAR) as bar:  # fmt: skip
             for k, (case, guard) in enumerate(zip(cases, guards, strict=True)):
                 interval, follower = meshes[k].interval, None
                 if coupled:
                     follower = Follower(coupled, case, guesses[k], layout)
-                    followers.append(follower)
                     meshes[k] = follower.mesh()
                     if k and not prepared_for(case):
                         follower.write_case(intervals)
@@ -79,9 +78,10 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
                 if follower:
                     follower.catch_up(steps_of(interval.end, step))
                     meshes[k] = follower.mesh()
+                    quality += follower.quality
                 bar.update(interval.end - bar.n)
         if coupled:
-            meshes = coupled.write(followers)
+            coupled.write(meshes, quality)
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection
         summary = collect_results(

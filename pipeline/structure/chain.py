@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from fileio.formats.bending_states import BendingLaw, FloatArray, States
 from pipeline.kinematics.shapes import arc_length, node_angle, profile_splines
-from pipeline.structure.elastic_law import ElasticLaw, law_at
+from pipeline.structure.elastic_law import law_at
 
 ComplexArray = NDArray[np.complex128]
 _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
@@ -52,7 +52,7 @@ class Chain:
 
     def __init__(self, states: States, law: BendingLaw, width: float) -> None:
         self.pressure, self.law, self.width = states.pressure, law, width
-        self._laws: dict[float, ElasticLaw] = {}
+        self._laws: dict[float, PchipInterpolator] = {}
         self._angle, self._length, self.thickness = profile_splines(states)
         tables = law.neutral_axis, law.air_height, law.air_section
         self._axis, self._air_height, self.air_section = (
@@ -83,11 +83,21 @@ class Chain:
         moment -= float(self._air_height(at_rest) * self.air_section(at_rest))
         self._gap_height = moment / self.gap_section if self.gap_section > 0 else 0.5 * height
 
-    def law_at(self, pressure: float) -> ElasticLaw:
-        """How a joint answers a moment at `pressure` (Pa)."""
+    def law_at(self, pressure: float) -> PchipInterpolator:
+        """Moment (N m) of a joint by its change of curvature (1/m) at `pressure` (Pa)."""
         if pressure not in self._laws:
             self._laws[pressure] = law_at(self.law, self.pressure, pressure)
         return self._laws[pressure]
+
+    def moments(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
+        """Elastic moments (time, slice) N m of the joints."""
+        bent = np.diff(delta, axis=-1, prepend=0.0) / self.springs
+        return np.array([self.law_at(p)(b) for p, b in zip(pressure, bent, strict=True)])
+
+    def share(self, moments: FloatArray) -> float:
+        """The largest of moments (N m) over that to which the bending was analysed."""
+        table = self.law.moment
+        return float(np.maximum(moments / table[0], moments / table[-1]).max())
 
     @property
     def slices(self) -> int:

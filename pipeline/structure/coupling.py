@@ -132,7 +132,5 @@ class Coupling:
         parts = energies(
             chain, pressure[free], delta[free], self.step, self.water, self.loads[free]
         )
-        bent = np.diff(delta, axis=1, prepend=0.0) / chain.springs
-        laws = [chain.law_at(p) for p in pressure]
-        share = max(law.share(law.moment(b)) for law, b in zip(laws, bent, strict=True))
+        share = chain.share(chain.moments(pressure, delta))
         return Check(float(np.hypot(*change[:, -1].T).max()), open_share(parts), share)

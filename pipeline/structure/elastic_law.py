@@ -1,8 +1,8 @@
-"""How a joint of the chain answers a moment, at any pressure in the chambers."""
+"""The moment of a joint of the chain that is bent, at any pressure in the chambers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -11,33 +11,17 @@ from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray,
 
 # of the table's last interval, along its slope; in the shipped states three times the moment
 _BEYOND = 4.0
-LARGEST_SHARE = 2.0  # of the table's moments, to which a motion may go on along that slope
 _LARGEST_CHANGE = 1e3  # 1/m: as far as a constant stiffness holds
 
 
-@dataclass(frozen=True)
-class ElasticLaw:
-    """Change of curvature (1/m) under a moment (N m) at one pressure, and back; monotone.
+def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> PchipInterpolator:
+    """Moment (N m) by the change of curvature (1/m) at `pressure` (Pa), monotone.
 
-    `most`: the table's first and last moment (N m); the law goes on along its last slopes.
+    Linear between the states at `pressures` (state,); beyond the table along its last slopes.
     """
-
-    change: PchipInterpolator
-    moment: PchipInterpolator
-    most: tuple[float, float]
-
-    def share(self, moment: FloatArray) -> float:
-        """The largest of moments (N m) over that of the table."""
-        return float(np.maximum(moment / self.most[0], moment / self.most[1]).max())
-
-
-def law_at(law: BendingLaw, pressures: FloatArray, pressure: float) -> ElasticLaw:
-    """The law at `pressure` (Pa), linear between those of the states at `pressures` (state,)."""
     curvature = np.array([np.interp(pressure, pressures, column) for column in law.curvature.T])
-    change = _continued(curvature - np.interp(0.0, law.moment, curvature))
-    moment = _continued(law.moment)
-    most = float(law.moment[0]), float(law.moment[-1])
-    return ElasticLaw(PchipInterpolator(moment, change), PchipInterpolator(change, moment), most)
+    change = curvature - np.interp(0.0, law.moment, curvature)
+    return PchipInterpolator(_continued(change), _continued(law.moment))
 
 
 def _continued(values: FloatArray) -> FloatArray:

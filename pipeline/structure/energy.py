@@ -54,10 +54,7 @@ def energies(
 
     on_middle = (np.conj(acting[-1][1]) * velocity["middle"]).real.sum(-1)
     torque = loads[..., 2]
-    bend = np.diff(delta, axis=1, prepend=0.0)
-    rate = np.gradient(bend, step, axis=0)
-    laws = [chain.law_at(p) for p in pressure]
-    moment = np.array([law.moment(b / chain.springs) for law, b in zip(laws, bend, strict=True)])
+    rate = np.gradient(np.diff(delta, axis=1, prepend=0.0), step, axis=0)
     stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
     masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))
     kinetic = sum(
@@ -67,7 +64,7 @@ def energies(
         "pressure_work": -work(of(acting, own) + (torque * own_turning).sum(-1)),
         "water_work": work(on_middle + (torque * turning).sum(-1)),
         "weight_work": work(of(weight, velocity)),
-        "elastic_energy": work((moment * rate).sum(-1)),
+        "elastic_energy": work((chain.moments(pressure, delta) * rate).sum(-1)),
         "kinetic_energy": np.asarray(kinetic - kinetic[0]),
         "damping_loss": work((around.damping * stiffness / chain.springs * rate**2).sum(-1)),
     }

@@ -58,15 +58,6 @@ class ElasticFinger:
             known is not None,
         )
 
-    def need_stiffness(self, scene: Scene) -> None:
-        """StageError where the finger's answer to loads is not known."""
-        if not self.known:
-            raise StageError(
-                f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
-                " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness"
-                " (N m2)"
-            )
-
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
         """Shapes over `time` (s) in place of the pressure, under rotations (time, slice) rad."""
         chain = self.chain
@@ -96,7 +87,11 @@ def modelled_shapes(scene: Scene) -> States:
             f" give model.kind = 'quarter' or '2d', not {scene.model.kind!r}"
         )
     finger = ElasticFinger.of(scene)
-    finger.need_stiffness(scene)
+    if not finger.known:
+        raise StageError(
+            f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
+            " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness (N m2)"
+        )
     step, end = scene.numerics.time_step, scene.motion.end_time
     time = step * np.arange(round(end / step) + 1)
     pressure = finger.chambers(time)

@@ -25,10 +25,10 @@ from pipeline.structure.chain import (
     joint_moments,
     placed,
 )
-from pipeline.structure.elastic_law import LARGEST_SHARE
 
 STEP = 1e-3  # s, of the finger's own motion
 INERT = ("rubber", "gap", "middle")  # what has velocity or acceleration
+_LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
 _ITERATIONS = 40
 _TOLERANCE = 1e-10  # rad, of the last correction
 _LARGEST_CORRECTION = 0.2  # rad
@@ -124,28 +124,18 @@ def _newton(
     )
 
 
-def at_rest(
-    chain: Chain, pressure: float, around: Surroundings, loads: FloatArray, parts: int = 1
-) -> FloatArray:
-    """Rotations (slice,) rad in equilibrium at `pressure` (Pa) under `loads` (slice, 3).
-
-    Gravity and loads are put on in so many `parts`.
-    """
+def at_rest(chain: Chain, pressure: float, around: Surroundings, loads: FloatArray) -> FloatArray:
+    """Rotations (slice,) rad in equilibrium at `pressure` (Pa) under `loads` (slice, 3)."""
     unloaded = chain.unloaded(np.array([pressure]))
     law = chain.law_at(pressure)
     air = chain.air_section(np.array([pressure]))
-    delta = np.zeros(chain.slices)
-    for part in np.arange(1, parts + 1) / parts:
-        share = Surroundings(part * around.gravity, around.fluid)
 
-        def residual(turned, part=part, share=share):
-            at = placed(unloaded, 0, turned)
-            acting = forces(chain, share, at, AT_REST, air, part * loads)
-            moment = joint_moments(at, acting, part * loads[:, 2])
-            return law.moment(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
+    def residual(turned: FloatArray) -> FloatArray:
+        at = placed(unloaded, 0, turned)
+        moment = joint_moments(at, forces(chain, around, at, AT_REST, air, loads), loads[:, 2])
+        return law(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
 
-        delta = _newton(residual, delta, f"at rest at {pressure / 1e3:.3g} kPa")
-    return delta
+    return _newton(residual, np.zeros(chain.slices), f"at rest at {pressure / 1e3:.3g} kPa")
 
 
 def advance(
@@ -187,16 +177,15 @@ def advance(
         acting = forces(chain, around, at, rates, air, carried)
         moment = joint_moments(at, acting, carried[..., 2])
         slowed = damping * _difference(_VELOCITY, bent, bends) / step
-        return law.moment(bent / chain.springs) + slowed / chain.springs - moment
+        return law(bent / chain.springs) + slowed / chain.springs - moment
 
     name = f"at {times[0] * step:.4g} s"
     delta = _newton(residual, 2 * before[0] - before[1], name)
-    bent = np.diff(delta, prepend=0.0) / chain.springs
-    if law.share(law.moment(bent)) > LARGEST_SHARE:
+    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > _LARGEST_SHARE:
         raise StageError(
             f"{name} the finger bears a moment far beyond the table of states.h5"
-            f" ({law.most[1]:.2g} N m): it bends too far to be computed; check the motion and the"
-            " time step"
+            f" ({chain.law.moment[-1]:.2g} N m): it bends too far to be computed; check the motion"
+            " and the time step"
         )
     return delta
 

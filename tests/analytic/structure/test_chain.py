@@ -42,7 +42,7 @@ def test_elastica_with_a_load_at_its_end(alpha):
     weight = np.zeros(chain.slices)
     weight[-1] = alpha * EI / length**2 / 9.81 / chain.lengths[-1]
     loaded = straight(rubber_mass=weight)  # per slice in place of one number
-    delta = at_rest(loaded, 0.0, Surroundings(9.81j), np.zeros((chain.slices, 3)), parts=5)
+    delta = at_rest(loaded, 0.0, Surroundings(9.81j), np.zeros((chain.slices, 3)))
     turn, along, across = elastica(alpha)
     end = placed(loaded.unloaded(np.zeros(1)), 0, delta).rubber[-1] / length
     assert delta[-1] == pytest.approx(turn, rel=0.01)

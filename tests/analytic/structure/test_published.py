@@ -85,7 +85,7 @@ def blade_drag(cauchy, buoyancy, guess):
 
     def unbalanced(delta):
         at = placed(unloaded, 0, delta)
-        inner = law.moment(np.diff(delta, prepend=0.0) / chain.springs)
+        inner = law(np.diff(delta, prepend=0.0) / chain.springs)
         return inner - joint_moments(at, acting(at), none)
 
     delta, _, code, why = fsolve(unbalanced, none if guess is None else guess, full_output=True)
