@@ -22,29 +22,26 @@ ComplexArray = NDArray[np.complex128]
 _PIECES = 4  # of the profile to a slice: 31 slices of the shipped finger
 
 
+RUBBER, GAP, AIR, MIDDLE = range(4)  # a slice's content: centres, of the water in gaps; half way up
+
+
 @dataclass(frozen=True)
 class Unloaded:
-    """The chain without load (time, slice), each slice's content from its own joint."""
+    """The chain without load."""
 
     root: ComplexArray  # (time): place of the first joint
-    link: ComplexArray  # to the next joint
-    heading: ComplexArray  # unit vector along the slice
-    middle: ComplexArray  # half way up the finger, to which loads are referred
-    rubber: ComplexArray  # centre of the rubber
-    gap: ComplexArray  # centre of the water in the gaps
-    air: ComplexArray  # centre of the air
+    link: ComplexArray  # (time, slice): to the next joint
+    heading: ComplexArray  # (time, slice): unit vector along the slice
+    content: ComplexArray  # (time, 4, slice): from the slice's own joint
 
 
 @dataclass(frozen=True)
 class Placed:
-    """The chain under load: places of its joints (…, slice + 1) and of its slices' content."""
+    """The chain under load: places of its joints and of its slices' content."""
 
-    joint: ComplexArray
-    heading: ComplexArray
-    middle: ComplexArray
-    rubber: ComplexArray
-    gap: ComplexArray
-    air: ComplexArray
+    joint: ComplexArray  # (…, slice + 1)
+    heading: ComplexArray  # (…, slice)
+    content: ComplexArray  # (…, 4, slice)
 
 
 class Chain:
@@ -117,18 +114,19 @@ class Chain:
         dorsal = -1j * np.exp(1j * angle)
         joints = (points + self._axis(pressure)[:, None] * dorsal)[:, self.joints]
 
-        def carried(height):
-            return (points + height * dorsal) @ self._mean - joints[:, :-1]
-
+        heights = (
+            self.law.rubber_height,
+            self._gap_height,
+            self._air_height(pressure)[:, None],
+            0.5 * self.thickness(pressure),
+        )
+        places = np.stack([(points + height * dorsal) @ self._mean for height in heights], axis=1)
         heading = np.exp(1j * angle) @ self._mean
         return Unloaded(
             root=joints[:, 0],
             link=np.diff(joints, axis=1),
             heading=heading / np.abs(heading),
-            middle=carried(0.5 * self.thickness(pressure)),
-            rubber=carried(self.law.rubber_height),
-            gap=carried(self._gap_height),
-            air=carried(self._air_height(pressure)[:, None]),
+            content=places - joints[:, None, :-1],
         )
 
     def bend(self, pressure: FloatArray, delta: FloatArray) -> FloatArray:
@@ -162,24 +160,18 @@ def placed(unloaded: Unloaded, at: int | slice | NDArray[np.intp], delta: FloatA
     steps = np.cumsum(unloaded.link[at] * turn, axis=-1)
     root = np.asarray(unloaded.root[at])[..., None]
     joint = np.concatenate([np.broadcast_to(root, (*steps.shape[:-1], 1)), root + steps], axis=-1)
-    carried = {
-        name: joint[..., :-1] + getattr(unloaded, name)[at] * turn
-        for name in ("middle", "rubber", "gap", "air")
-    }
-    return Placed(joint, unloaded.heading[at] * turn, **carried)
+    content = joint[..., None, :-1] + unloaded.content[at] * turn[..., None, :]
+    return Placed(joint, unloaded.heading[at] * turn, content)
 
 
-def joint_moments(
-    chain: Placed, parts: list[tuple[ComplexArray, ComplexArray]], torque: FloatArray
-) -> FloatArray:
+def joint_moments(chain: Placed, force: ComplexArray, torque: FloatArray) -> FloatArray:
     """Moment (…, slice) N m about each slice's joint of all that acts on it and beyond.
 
-    `parts`: places and forces; `torque` (…, slice) N m.
+    `force` (…, 4, slice) N on its content; `torque` (…, slice) N m.
     """
-    turning = torque + sum((np.conj(place) * force).imag for place, force in parts)
-    force = sum((force for _, force in parts), np.zeros_like(parts[0][1]))
+    turning = torque + (np.conj(chain.content) * force).imag.sum(-2)
     start = chain.joint[..., :-1]
-    return _beyond(turning) - (np.conj(start) * _beyond(force)).imag
+    return _beyond(turning) - (np.conj(start) * _beyond(force.sum(-2))).imag
 
 
 def _beyond(values: NDArray) -> NDArray:

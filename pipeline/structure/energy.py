@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from fileio.formats.bending_states import FloatArray
-from pipeline.structure.chain import Chain, placed
-from pipeline.structure.motion import AT_REST, Surroundings, forces, rates_of
-
-_CARRIED = ("rubber", "gap", "air", "middle")  # what `forces` act on, in its order
+from pipeline.structure.chain import GAP, MIDDLE, RUBBER, Chain, ComplexArray, placed
+from pipeline.structure.motion import Surroundings, forces, rates_of
 
 
 def energies(
@@ -32,38 +30,35 @@ def energies(
     unloaded = chain.unloaded(pressure)
     at = placed(unloaded, slice(None), delta)
     air = chain.air_section(pressure)[:, None]
-    acting = forces(chain, around, at, rates_of(at, step), air, loads)
-    weight = forces(chain, around, at, AT_REST, air, 0 * loads)
-    velocity = {name: np.gradient(getattr(at, name), step, axis=0) for name in _CARRIED}
+    first, second = rates_of(at.content, step)
+    acting = forces(chain, around, at, first[:, MIDDLE], second, air, loads)
+    weight = forces(chain, around, at, 0 * first[:, MIDDLE], 0 * second, air, 0 * loads)
+    velocity = np.gradient(at.content, step, axis=0)
     turning = np.gradient(np.unwrap(np.angle(at.heading), axis=0), step, axis=0)
     ahead, behind = (
         placed(unloaded, np.clip(np.arange(count) + k, 0, count - 1), delta) for k in (1, -1)
     )
-    own = {name: (getattr(ahead, name) - getattr(behind, name)) / (2 * step) for name in _CARRIED}
+    own = (ahead.content - behind.content) / (2 * step)
     own_turning = turning - np.gradient(delta, step, axis=0)
 
-    def work(power):
+    def work(power: FloatArray) -> FloatArray:
         return np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) * step])
 
-    def of(parts, rates):
-        each = [
-            (np.conj(force) * rates[name]).real.sum(-1)
-            for name, (_, force) in zip(_CARRIED, parts, strict=True)
-        ]
-        return np.asarray(np.sum(each, axis=0))
+    def power(force: ComplexArray, rates: ComplexArray) -> FloatArray:
+        return (np.conj(force) * rates).real.reshape(count, -1).sum(-1)
 
-    on_middle = (np.conj(acting[-1][1]) * velocity["middle"]).real.sum(-1)
-    torque = loads[..., 2]
+    on_middle, torque = power(acting[:, MIDDLE], velocity[:, MIDDLE]), loads[..., 2]
     rate = np.gradient(np.diff(delta, axis=1, prepend=0.0), step, axis=0)
     stiffness = np.interp(pressure, chain.pressure, chain.law.stiffness)[:, None]
-    masses = (("rubber", chain.law.rubber_mass), ("gap", around.fluid * chain.gap_section))
+    masses = ((RUBBER, chain.law.rubber_mass), (GAP, around.fluid * chain.gap_section))
     kinetic = sum(
-        0.5 * mass * (chain.lengths * np.abs(velocity[name]) ** 2).sum(-1) for name, mass in masses
+        0.5 * mass * (chain.lengths * np.abs(velocity[:, part]) ** 2).sum(-1)
+        for part, mass in masses
     )
     return {
-        "pressure_work": -work(of(acting, own) + (torque * own_turning).sum(-1)),
+        "pressure_work": -work(power(acting, own) + (torque * own_turning).sum(-1)),
         "water_work": work(on_middle + (torque * turning).sum(-1)),
-        "weight_work": work(of(weight, velocity)),
+        "weight_work": work(power(weight, velocity)),
         "elastic_energy": work((chain.moments(pressure, delta) * rate).sum(-1)),
         "kinetic_energy": np.asarray(kinetic - kinetic[0]),
         "damping_loss": work((around.damping * stiffness / chain.springs * rate**2).sum(-1)),

@@ -14,7 +14,7 @@ from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
-from pipeline.structure.chain import Chain, ComplexArray, placed
+from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
 from pipeline.structure.motion import Surroundings, motion
 
@@ -113,7 +113,7 @@ class Posed:
         line = points - 0.5j * chain.thickness(at)[0] * along / np.abs(along)  # half way up
         pieces = 0.5 * (line[1:] + line[:-1])
         self._tree = cKDTree(np.column_stack([pieces.real, pieces.imag]))
-        self._middle = np.concatenate([[line[: chain.joints[0] + 1].mean()], self.placed.middle])
+        self._middle = np.append(line[: chain.joints[0] + 1].mean(), self.placed.content[MIDDLE])
 
     def loads(
         self, surface: Path, density: float, copies: int, left_alone: bool = False

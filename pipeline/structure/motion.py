@@ -18,6 +18,10 @@ from numpy.typing import NDArray
 from fileio.errors import StageError
 from fileio.formats.bending_states import FloatArray
 from pipeline.structure.chain import (
+    AIR,
+    GAP,
+    MIDDLE,
+    RUBBER,
     Chain,
     ComplexArray,
     Placed,
@@ -27,7 +31,6 @@ from pipeline.structure.chain import (
 )
 
 STEP = 1e-3  # s, of the finger's own motion
-INERT = ("rubber", "gap", "middle")  # what has velocity or acceleration
 _LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
 _ITERATIONS = 40
 _TOLERANCE = 1e-10  # rad, of the last correction
@@ -57,46 +60,36 @@ class Surroundings:
     inertia: FloatArray | None = None
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Velocity of the slices' middles, and accelerations (…, slice) of what has mass."""
-
-    velocity: ComplexArray
-    rubber: ComplexArray
-    gap: ComplexArray
-    middle: ComplexArray
-
-
-AT_REST = Rates(*[np.zeros((), complex)] * 4)
-
-
 def forces(
     chain: Chain,
     around: Surroundings,
     at: Placed,
-    rates: Rates,
+    velocity: ComplexArray,
+    acceleration: ComplexArray,
     air: FloatArray,
     loads: FloatArray,
-) -> list[tuple[ComplexArray, ComplexArray]]:
-    """Forces on the slices (place, force), N: of rubber, gaps' water, air, and at the middle.
+) -> ComplexArray:
+    """Forces (…, 4, slice) N on the slices' content.
 
-    `air`: section (…, 1) m² of the chambers; `loads` (…, slice, 3): N along and across each slice,
-    and N m.
+    `velocity` (…, slice) of their middles; `acceleration` (…, 4, slice) of their content; `air`:
+    section (…, 1) m² of the chambers; `loads` (…, slice, 3): N along and across slices, and N m.
     """
     law, lengths = chain.law, chain.lengths
-    mass, gravity, fluid = law.rubber_mass * lengths, around.gravity, around.fluid
+    mass, gravity, fluid = law.rubber_mass * lengths, around.gravity, around.fluid * lengths
     across = 1j * at.heading
-    speed, rate = ((np.conj(across) * v).real for v in (rates.velocity, rates.middle))
+    speed, rate = (
+        (np.conj(across) * each).real for each in (velocity, acceleration[..., MIDDLE, :])
+    )
     water = around.added_mass * np.pi / 4 * chain.width**2 * rate
     water = water + around.drag * chain.width / 2 * np.abs(speed) * speed
-    middle = (loads[..., 0] + 1j * loads[..., 1]) * at.heading - fluid * lengths * water * across
-    weight = mass * (gravity - rates.rubber) - fluid * law.rubber_section * lengths * gravity
-    return [
-        (at.rubber, weight),
-        (at.gap, -fluid * chain.gap_section * lengths * rates.gap),
-        (at.air, -fluid * air * lengths * gravity + 0 * at.air),
-        (at.middle, middle),
-    ]
+    force = np.empty_like(at.content)
+    force[..., RUBBER, :] = mass * (gravity - acceleration[..., RUBBER, :])
+    force[..., RUBBER, :] -= fluid * law.rubber_section * gravity
+    force[..., GAP, :] = -fluid * chain.gap_section * acceleration[..., GAP, :]
+    force[..., AIR, :] = -fluid * air * gravity
+    force[..., MIDDLE, :] = (loads[..., 0] + 1j * loads[..., 1]) * at.heading
+    force[..., MIDDLE, :] -= fluid * water * across
+    return force
 
 
 def _newton(
@@ -132,7 +125,9 @@ def at_rest(chain: Chain, pressure: float, around: Surroundings, loads: FloatArr
 
     def residual(turned: FloatArray) -> FloatArray:
         at = placed(unloaded, 0, turned)
-        moment = joint_moments(at, forces(chain, around, at, AT_REST, air, loads), loads[:, 2])
+        still = 0 * at.content
+        acting = forces(chain, around, at, still[..., MIDDLE, :], still, air, loads)
+        moment = joint_moments(at, acting, loads[:, 2])
         return law(np.diff(turned, axis=-1, prepend=0.0) / chain.springs) - moment
 
     return _newton(residual, np.zeros(chain.slices), f"at rest at {pressure / 1e3:.3g} kPa")
@@ -165,16 +160,13 @@ def advance(
     def residual(turned: FloatArray) -> FloatArray:
         at = placed(unloaded, int(times[0]), turned)
         bent = np.diff(turned, axis=-1, prepend=0.0)
-        second = {
-            n: _difference(_ACCELERATION, getattr(at, n), getattr(earlier, n)) / step**2
-            for n in INERT
-        }
-        rates = Rates(_difference(_VELOCITY, at.middle, earlier.middle) / step, **second)
+        velocity = _difference(_VELOCITY, at.content, earlier.content)[..., MIDDLE, :] / step
+        acceleration = _difference(_ACCELERATION, at.content, earlier.content) / step**2
         carried = loads
         if around.inertia is not None:
             rate = _FELT[0] / step**2 * turned
             carried = loads - np.einsum("slj,...j->...sl", around.inertia, rate)
-        acting = forces(chain, around, at, rates, air, carried)
+        acting = forces(chain, around, at, velocity, acceleration, air, carried)
         moment = joint_moments(at, acting, carried[..., 2])
         slowed = damping * _difference(_VELOCITY, bent, bends) / step
         return law(bent / chain.springs) + slowed / chain.springs - moment
@@ -237,16 +229,15 @@ def felt(values: FloatArray, step: float) -> FloatArray:
 
 def _difference(weights: FloatArray, now: Any, before: Any) -> Any:
     """Weighted sum of a value now and (EARLIER, …) before, the latest first."""
-    return weights[0] * now + weights[1:] @ before
+    return weights[0] * now + np.tensordot(weights[1:], before, 1)
 
 
-def rates_of(at: Placed, step: float) -> Rates:
-    """Rates of a motion (time, slice), by the differences of `motion`; from rest."""
+def rates_of(content: ComplexArray, step: float) -> tuple[ComplexArray, ComplexArray]:
+    """Velocity and acceleration of places (time, …), by the differences of `motion`; from rest."""
+    long = np.concatenate([np.repeat(content[:1], EARLIER, axis=0), content])
 
-    def over_time(weights, places):
-        long = np.concatenate([np.repeat(places[:1], EARLIER, axis=0), places])
+    def over_time(weights: FloatArray) -> ComplexArray:
         terms = [w * long[EARLIER - k : len(long) - k] for k, w in enumerate(weights)]
         return np.asarray(np.sum(terms, axis=0), dtype=complex)
 
-    second = {n: over_time(_ACCELERATION, getattr(at, n)) / step**2 for n in INERT}
-    return Rates(over_time(_VELOCITY, at.middle) / step, **second)
+    return over_time(_VELOCITY) / step, over_time(_ACCELERATION) / step**2

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from fileio.formats.bending_states import read
 from pipeline.kinematics.pressure_law import stroke_law
-from pipeline.structure.chain import Chain, placed
+from pipeline.structure.chain import RUBBER, Chain, placed
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import Surroundings, at_rest, motion
 from tests.analytic.structure.beams import beam
@@ -44,7 +44,7 @@ def test_elastica_with_a_load_at_its_end(alpha):
     loaded = straight(rubber_mass=weight)  # per slice in place of one number
     delta = at_rest(loaded, 0.0, Surroundings(9.81j), np.zeros((chain.slices, 3)))
     turn, along, across = elastica(alpha)
-    end = placed(loaded.unloaded(np.zeros(1)), 0, delta).rubber[-1] / length
+    end = placed(loaded.unloaded(np.zeros(1)), 0, delta).content[RUBBER, -1] / length
     assert delta[-1] == pytest.approx(turn, rel=0.01)
     assert end.imag == pytest.approx(across, rel=0.01)
     assert end.real == pytest.approx(along, rel=0.01)

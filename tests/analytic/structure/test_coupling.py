@@ -9,7 +9,7 @@ import pytest
 from fileio.formats.bending_states import read
 from fileio.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
-from pipeline.structure.chain import Chain, placed
+from pipeline.structure.chain import MIDDLE, Chain, placed
 from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling
 from pipeline.structure.motion import Surroundings, felt, motion, past, turning
 
@@ -28,7 +28,7 @@ def chain():
 def inertia_of(chain, mass):
     """Loads by angular accelerations of a straight finger with `mass` (kg/m) of water."""
     place = placed(chain.unloaded(np.zeros(1)), 0, np.zeros(chain.slices))
-    arms = place.middle.real[:, None] - place.joint.real[None, :-1]
+    arms = place.content[MIDDLE].real[:, None] - place.joint.real[None, :-1]
     own = np.tril(np.ones((chain.slices, chain.slices)), -1)
     lever = own * chain.lengths + np.diag(np.diag(arms))
     found = np.zeros((chain.slices, 3, chain.slices))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
-from pipeline.structure.chain import joint_moments, placed
+from pipeline.structure.chain import MIDDLE, joint_moments, placed
 from pipeline.structure.elastic_law import law_at
-from pipeline.structure.motion import Rates, Surroundings, at_rest, forces, motion
+from pipeline.structure.motion import Surroundings, at_rest, forces, motion
 from tests.analytic.structure.beams import beam
 
 AT_REST = np.zeros(1)  # Pa: a beam has one state
@@ -77,11 +77,11 @@ def blade_drag(cauchy, buoyancy, guess):
     law, unloaded = law_at(chain.law, chain.pressure, 0.0), chain.unloaded(AT_REST)
     none = np.zeros(chain.slices)
     # water that flows past a blade at rest equals a blade that moves through water at rest
-    rates = Rates(none - 1j * speed, none + 0j, none + 0j, none + 0j)
+    velocity, still = none - 1j * speed, np.zeros((4, chain.slices), complex)
     around, air = Surroundings(-UP, WATER, drag=DRAG), chain.air_section(AT_REST)
 
     def acting(at):
-        return forces(chain, around, at, rates, air, np.zeros((chain.slices, 3)))
+        return forces(chain, around, at, velocity, still, air, np.zeros((chain.slices, 3)))
 
     def unbalanced(delta):
         at = placed(unloaded, 0, delta)
@@ -90,7 +90,7 @@ def blade_drag(cauchy, buoyancy, guess):
 
     delta, _, code, why = fsolve(unbalanced, none if guess is None else guess, full_output=True)
     assert code == 1, why
-    push = acting(placed(unloaded, 0, delta))[-1][1]
+    push = acting(placed(unloaded, 0, delta))[MIDDLE]
     return push.imag.sum() / (0.5 * WATER * DRAG * width * speed**2 * length), delta
 
 

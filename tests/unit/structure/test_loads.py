@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fileio.formats.bending_states import States, read
-from pipeline.structure.chain import Chain
+from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import Surroundings
@@ -45,7 +45,7 @@ def test_no_force_and_no_moment_is_lost():
     clamped = np.arange(124) < chain.joints[0]
     assert along[0] == pytest.approx(force[clamped].sum())
     # about any point: forces at the slices' middles and their torques do what the faces' forces do
-    own = torque[1:] + (np.conj(at.middle) * (along * heading)[1:]).imag
+    own = torque[1:] + (np.conj(at.content[MIDDLE]) * (along * heading)[1:]).imag
     assert own.sum() == pytest.approx((np.conj(points) * force).imag[~clamped].sum())
 
 
