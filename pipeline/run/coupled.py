@@ -30,9 +30,10 @@ from fileio.formats.mesh_intervals import (
     write_planform,
 )
 from fileio.formats.records import MESH_QUALITY
-from pipeline.case import build_mesh, write_interval
+from pipeline.case import build_mesh, sides, write_interval
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import shape_quality
+from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.kinematics.contact import gap, nearest
 from pipeline.kinematics.finger import finger_motion
 from pipeline.kinematics.values import kinematics_values, units_of
@@ -243,12 +244,10 @@ class Follower:
         moved.append((run.outline(pressure + _NUDGE_PA, delta) - now) / _NUDGE_PA)
         walls = np.zeros((len(moved), *self.nodes[number].shape))
         walls[:, planform.wall] = outline_at(np.array(moved), planform.material)
+        file, density = self._guess.planform, run.scene.fluid.density
+        gaps = sides(file) == OUTER_PATCHES.index("gap")
         place, force = forces_of_water(
-            self._guess.planform,
-            self._guess.sweep,
-            self.nodes[number],
-            walls,
-            run.scene.fluid.density,
+            file, self._guess.sweep, self.nodes[number], walls, gaps, density
         )
         posed = Posed(run.finger, pressure, delta)
         *turned, pushed = -np.array([posed.of_forces(place, one)[1:] for one in force])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 import xarray as xr
+from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from fileio.formats.bending_states import FloatArray
@@ -25,12 +26,13 @@ def forces_of_water(
     sweep: xr.Dataset,
     nodes: FloatArray,
     acceleration: FloatArray,
+    gaps: NDArray[np.bool_],
     density: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Places (piece, 2) m of the finger's wall, and forces (mode, piece, 2) N on a whole finger.
 
     `nodes` (node, 2) m: of the planform in this shape; `acceleration` (mode, node, 2) m/s² of its
-    nodes on the wall.
+    nodes on the wall; `gaps` (edge,): those of the tank's sides that are open.
     """
     triangles, quads = planform["triangles"].values, planform["quads"].values
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
@@ -45,23 +47,19 @@ def forces_of_water(
     inner = edges.right >= 0
 
     span = np.where(inner[:, None], centre[edges.right], middle) - centre[edges.left]
-    conductance = (area**2).sum(1) / (span * area).sum(1)
+    across = ((area**2).sum(1) / (span * area).sum(1))[:, None] * depth
+    up = cell_areas(nodes, triangles, quads)[:, None] / (0.5 * (depth[1:] + depth[:-1]))
     own, other = number[edges.left], number[edges.right]
-    both = (own >= 0) & (other >= 0) & inner[:, None]
-    a, b = [own[both]], [other[both]]
-    flow = [(conductance[:, None] * depth)[both]]
-    up = (number[:, 1:] >= 0) & (number[:, :-1] >= 0)
-    between = cell_areas(nodes, triangles, quads)[:, None] / (0.5 * (depth[1:] + depth[:-1]))
-    a.append(number[:, :-1][up])
-    b.append(number[:, 1:][up])
-    flow.append(between[up])
-    i, j, w = (np.concatenate(parts) for parts in (a, b, flow))
+    lower, upper = number[:, :-1], number[:, 1:]
+    beside = (own >= 0) & (other >= 0) & inner[:, None]
+    above = (lower >= 0) & (upper >= 0)
+    i = np.concatenate([own[beside], lower[above]])
+    j = np.concatenate([other[beside], upper[above]])
+    w = np.concatenate([across[beside], up[above]])
     cells = len(column)
-    open_ = np.zeros(cells)
-    for edge in _gaps(planform, middle, inner):
-        there = own[edge][own[edge] >= 0]
-        open_[there] += conductance[edge] * depth[layer[there]]
-    diagonal = np.bincount(i, w, cells) + np.bincount(j, w, cells) + open_
+    outside = gaps[:, None] & (own >= 0)
+    open_ = np.bincount(own[outside], across[outside], cells)
+    diagonal = np.asarray(np.bincount(i, w, cells) + np.bincount(j, w, cells) + open_, float)
     off = sp.coo_array((-w, (i, j)), shape=(cells, cells))
     matrix = (sp.diags_array(diagonal) + off + off.T).tocsr()
 
@@ -69,8 +67,8 @@ def forces_of_water(
     finger = inner & ((body[edges.left] == 1) ^ (body[np.where(inner, edges.right, 0)] == 1))
     on_right = body[edges.left] == 1  # the water
     outwards = np.where(on_right, 1.0, -1.0)[finger, None] * area[finger]  # out of the water
-    wet = np.where(on_right[:, None], other, own)[finger]
-    blocked = (wet >= 0) & (np.where(on_right[:, None], own, other)[finger] < 0)
+    wet, dry = (np.where(on_right[:, None], *two)[finger] for two in ((other, own), (own, other)))
+    blocked = (wet >= 0) & (dry < 0)
     piece, level = np.nonzero(blocked)
     of_edges = acceleration[:, edges.nodes[finger]].mean(2)
     through = np.einsum("mpi,pi->pm", of_edges, outwards)
@@ -81,17 +79,6 @@ def forces_of_water(
     np.add.at(total, piece, pressure[wet[blocked]] * depth[level, None])
     copies = PER_FINGER[str(planform.attrs["model"])]
     return middle[finger], copies * total.T[:, :, None] * outwards
-
-
-def _gaps(planform: xr.Dataset, middle: FloatArray, inner: np.ndarray) -> list[int]:
-    """The edges at the tank's sides by the water surface, which are open."""
-    left, _, right, _ = planform.attrs["corners"]
-    found = []
-    for x in (left, right):
-        wall = np.flatnonzero(~inner & (np.abs(middle[:, 0] - x) < 1e-9))
-        if len(wall) and not (x == right and planform.attrs["mirror"]):
-            found.append(int(wall[np.argmax(middle[wall, 1])]))
-    return found
 
 
 def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> FloatArray:
