@@ -6,14 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
 from fileio.formats.bending_states import FloatArray
 from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.finger_loads import motion_sentence, write_loads
-from fileio.formats.kinematics import Kinematics, read_kinematics
+from fileio.formats.kinematics import read_kinematics
 from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
@@ -30,19 +29,17 @@ _RIGID = "The body is rigid: no load bends it."
 
 
 def _measured_loads(
-    scene: Scene, finger: ElasticFinger, pressures: CubicSpline, turns: CubicSpline | None,
-    quiet: bool,
-) -> dict[str, Any]:  # fmt: skip
+    scene: Scene, finger: ElasticFinger, pressures: CubicSpline, turns: CubicSpline, quiet: bool
+) -> dict[str, Any]:
     """Variables of loads.h5 from the samples of the run.
 
-    `pressures` (Pa) and elastic `turns` (slice,) over time; None: of a prescribed motion.
+    `pressures` (Pa) and elastic `turns` (slice,) over time.
     """
     chain = finger.chain
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
     copies, density = PER_FINGER[scene.model.kind], scene.fluid.density
     time = np.array([time for time, _ in samples])
-    pressure = pressures(time)
-    delta = np.zeros((len(time), chain.slices)) if turns is None else turns(time)
+    pressure, delta = pressures(time), turns(time)
     found = [
         Posed(finger, float(pressure[k]), delta[k]).loads(path, density, copies, scene.both_fingers)
         for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None))
@@ -67,23 +64,13 @@ def loads_at(values: dict[str, Any], time: FloatArray) -> FloatArray:
 
 
 def _history(
-    scene: Scene, finger: ElasticFinger, pressures: CubicSpline, file: xr.Dataset | None,
+    finger: ElasticFinger, time: FloatArray, pressure: FloatArray, delta: FloatArray,
     values: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
-    """The motion over time, also without load, in air and in water; energies.
-
-    `file`: of a coupled run; else modelled water stands for the water.
-    """
-    chain, end = finger.chain, scene.motion.end_time
-    time = np.linspace(0.0, end, round(end / STEP) + 1)
-    delta = np.zeros((len(time), chain.slices))
-    pressure = pressures(time)
-    if file is not None:
-        time, delta = file["time"].values, file["delta"].values
-        pressure = file["pressure"].values
-    none, step = np.zeros((*delta.shape, 3)), float(time[1])
+    """The motion over time, also without load, in air and in water; energies."""
+    chain, none, step = finger.chain, np.zeros((*delta.shape, 3)), float(time[1])
     in_air = motion(chain, pressure, step, replace(finger.water, fluid=0.0), none)
-    wet = delta if file is not None else motion(chain, pressure, step, finger.model, none)
+    wet = delta if values["coupled"] else motion(chain, pressure, step, finger.model, none)
     found: dict[str, Any] = {"step": time}
     turns = {"": delta, "_unloaded": 0 * delta, "_in_air": in_air, "_in_water": wet}
     for name, turn in turns.items():
@@ -91,36 +78,33 @@ def _history(
     return found | energies(chain, pressure, delta, step, finger.water, loads_at(values, time))
 
 
-def _pressures(kinematics: Kinematics) -> CubicSpline:
-    return CubicSpline(kinematics.data["time"].values, kinematics.data["pressure"].values)
-
-
 def run(scene: Scene, quiet: bool = False) -> None:
     """Write loads.h5."""
-    kinematics = read_kinematics(scene.out / "kinematics.h5")
     if scene.body is not None:
         write_loads(scene.out / "loads.h5", {"unknown": _RIGID, "coupled": 0})
         return
-    finger, pressures = ElasticFinger.of(scene), _pressures(kinematics)
-    file = None
+    finger, end = ElasticFinger.of(scene), scene.motion.end_time
+    law = read_kinematics(scene.out / "kinematics.h5").data
+    pressures = CubicSpline(law["time"].values, law["pressure"].values)
+    time = np.linspace(0.0, end, round(end / STEP) + 1)
+    delta = np.zeros((len(time), finger.chain.slices))
+    values: dict[str, Any] = {"coupled": 0, "unknown": "" if finger.known else _UNKNOWN}
     if scene.coupled:
         file = read_elastic_motion(scene.out / FILE)
-    turns = None if file is None else CubicSpline(file["time"].values, file["delta"].values)
-    values = _measured_loads(scene, finger, pressures, turns, quiet)
-    values |= {"coupled": int(file is not None), "unknown": "" if finger.known else _UNKNOWN}
-    if file is not None:
+        time, delta = file["time"].values, file["delta"].values
         names = ("tip_change", "open_energy", "moment_share", "first_order")
-        values |= {name: file.attrs[name] for name in names}
+        values |= {"coupled": 1} | {name: file.attrs[name] for name in names}
         pushed = file["contact_force"].values
         # not its peak: an impact within a step pushes the harder the shorter the step is
         values["contact_force"] = float(np.median(pushed[pushed > 0])) if pushed.any() else 0.0
-    if finger.known and (scene.pinch is None or file is not None):
-        values |= _history(scene, finger, pressures, file, values)
-    elif finger.known:
+    elif finger.known and scene.pinch is not None:
         values["unknown"] = (
             "The motion is prescribed; what the water does to it is computed for a finger that"
             " touches nothing."
         )
+    values |= _measured_loads(scene, finger, pressures, CubicSpline(time, delta), quiet)
+    if not values["unknown"]:
+        values |= _history(finger, time, pressures(time), delta, values)
     write_loads(scene.out / "loads.h5", values)
     if not quiet:
         print(f"loads: {motion_sentence(values)}")
