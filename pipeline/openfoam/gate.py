@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import os
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
+from select import select
 
 from fileio.atomic import write_text
 from pipeline.openfoam.displacement_files import time_name
 
-_PAUSE = 5e-4  # s
+_PATIENCE = 0.1  # s between two looks whether the solver is alive
 _SAMPLER = """
 // of a coupled run: pipeline/openfoam/gate.py
 gate
@@ -61,18 +61,11 @@ def open_gate(case: Path, at: float, alive: Callable[[], bool]) -> None:
     """Let the solver of `case` go on that stops, or will stop, at `at` s, while it is `alive`."""
     path = _pipe(case, at)
     pipe = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    begun = False
     try:
         while alive():
-            try:
-                part = os.read(pipe, 2**16)
-            except BlockingIOError:  # open, and nothing written yet
-                part = None
-            begun = begun or bool(part)
-            if part == b"" and begun:
+            ready, *_ = select([pipe], [], [], _PATIENCE)
+            if ready and not os.read(pipe, 2**16):  # the solver has written all
                 break
-            if not part:
-                time.sleep(_PAUSE)
     finally:
         os.close(pipe)
         path.unlink()
