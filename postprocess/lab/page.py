@@ -92,7 +92,7 @@ def _figures(
         both = law_pressure(kinematics, time, law.values), kinematics.law(time - law.delay)
         fitted, simulated = (pose.to_px(kinematics.shape("outline", p)) for p in both)
         path = folder / "picture.png"
-        write_bytes(path, outlined(picture, [(fitted, GREEN), (simulated, ORANGE)]))
+        write_bytes(path, outlined(picture, [(simulated, ORANGE), (fitted, GREEN)]))
         out[path] = "A picture of the recording with the outline as fitted and as simulated"
     return out
 

@@ -27,16 +27,11 @@ _UNSHADED = 0.8  # of the finger's width, from its lit side on: no shadow
 
 @dataclass(frozen=True)
 class WaterLikelihood:
-    """`threshold` (grey level) and `rate` (1/px²) of particles, and the body's grey levels.
-
-    `cost`: of a particle inside an outline.
-    """
+    """`threshold` (grey level), `rate` (1/px²) of particles, and `cost` of one in an outline."""
 
     threshold: float
     rate: float
     cost: float
-    body_level: float
-    body_std: float
 
     def image(self, frame: np.ndarray, blur_px: float = FINE_PX) -> np.ndarray:
         """Evidence (rows, columns) of a frame; its sum over a region is for a body there."""
@@ -109,7 +104,7 @@ def learn(
             " state light_from_deg where light comes from one side"
         )
     cost = min(float(np.log(rate / within)), _COST)
-    return WaterLikelihood(threshold, rate - within, cost, level, std)
+    return WaterLikelihood(threshold, rate - within, cost)
 
 
 def shrunk(mask: np.ndarray, by_px: int) -> np.ndarray:
