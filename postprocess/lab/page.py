@@ -121,7 +121,7 @@ def answer(result: dict[str, Any]) -> str:
 
 
 def _evidence(quantities: list[Quantity]) -> str:
-    """What differs, and by how much; else what is undecided, and which error would be found."""
+    """What differs, and by how much; else what is undecided, and which errors would be found."""
     differs = [q for q in quantities if q["verdict"] in (ERROR, DIFFERS)]
     wide = [q for q in quantities if q["verdict"] == UNCERTAIN]
     if differs:
@@ -133,7 +133,8 @@ def _evidence(quantities: list[Quantity]) -> str:
             for q in wide
         )
         return f"An error of {TOO_UNCERTAIN:.0%} would not be seen: {text}."
-    return ""
+    text = ", ".join(f"{q['label']} {_relative(q)}" for q in quantities)
+    return f"Errors above these would have been found: {text}." if text else ""
 
 
 def _difference(q: Quantity) -> str:
