@@ -154,9 +154,11 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
         for name in ("pressure_factor", "stretch")
     )
     blame = "The motion is to blame: the" if moves == ERROR else "The"
+    another = abs(registration["stretch"] - 1) > 1.96 * registration["stretch_std"]
+    rate = ", or frame_rate_hz of dpiv.toml" if another else ""
     return (
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
-        " times as long. Correct motion.strokes of the scene, or frame_rate_hz of dpiv.toml."
+        f" times as long. Correct motion.strokes of the scene{rate}."
     )
 
 

@@ -67,11 +67,13 @@ def test_a_motion_that_is_to_blame_is_named():
     assert text.startswith("Motion: no. Flow: yes. Final bend: the motion differs by about −4.47")
     assert "The motion is to blame" in text
     assert "bends as at 1.050 ±\u00a00.006 times the pressure" in text
+    assert "frame_rate_hz" not in text  # the stroke lasts as long as simulated
 
 
 def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
     """10 % longer, and the input's band of ± 0.04 s would swallow it."""
     made = result(STRAIGHT, LONGER, SAME)
+    made["registration"]["stretch"] = 1.1
     text = answer(made)
     assert made["verdict"] == DIFFERS
     assert text.startswith("Motion: no, but within what is known of the inputs. Flow: yes.")
