@@ -161,10 +161,11 @@ def fields_of(plane: xr.Dataset) -> list[str]:
 
 def usable(plane: xr.Dataset) -> xr.DataArray:
     """The usable vectors (glossary) of a plane or series, bool with the axes of `valid`."""
+    f = plane.variables
     ok = plane["valid"] != 0
-    if {"flag", "u_std", "v_std"} <= set(plane.variables):
-        known = np.logical_and.reduce([np.isfinite(plane[n]) for n in ("u", "v", "u_std", "v_std")])
-        ok = ok | ((plane["flag"] == UNCERTAIN) & known)
+    if {"flag", "u_std", "v_std"} <= set(f):
+        known = np.isfinite(f["u"] + f["v"] + f["u_std"] + f["v_std"])
+        ok = ok | ((f["flag"] == UNCERTAIN) & known)
     return ok
 
 

@@ -92,15 +92,16 @@ def _at_walls(plane: xr.Dataset, near: float) -> np.ndarray:
 
 def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
     """The arrays of a plane, with the weights of its vectors in the fit."""
+    fields = plane.variables  # without the coordinates that plane[name] makes each time
     for name in ("u", "v"):
-        if name not in plane or set(plane[name].dims) != {"y", "x"}:
-            dims = plane[name].dims if name in plane else "none"
+        if name not in plane or set(fields[name].dims) != {"y", "x"}:
+            dims = fields[name].dims if name in plane else "none"
             raise ValueError(
                 f"vortices are found in one plane with {name!r} over (y, x), got dimensions {dims}"
             )
 
     def values(name: str) -> np.ndarray:
-        return plane[name].transpose("y", "x").values.astype(float)
+        return fields[name].transpose("y", "x").values.astype(float)
 
     u, v = values("u"), values("v")
     valid = np.isfinite(u) & np.isfinite(v)
@@ -113,18 +114,16 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         wall = _at_walls(plane, WALL * scale_of(plane, s))
         valid &= ~wall
         lost = ~valid & ~wall
-    weights, noise = [], []
-    for name in ("u_std", "v_std"):
-        if name not in plane:
-            weights.append(valid.astype(float))
-            continue
+    weights = [valid.astype(float)] * 2
+    noise = []
+    for k, name in enumerate(n for n in ("u_std", "v_std") if n in plane):
         std = values(name)
         good = valid & np.isfinite(std) & (std > 0)
         noise.append(np.where(good, std, 0.0))
-        # a few vectors with an implausibly small error must not rule the fit
-        floor = 0.3 * np.median(std[good]) if good.any() else 1.0
-        known = np.where(good, 1 / np.maximum(np.where(good, std, 1.0), floor) ** 2, 0.0)
-        weights.append(known if s.weights == "uncertainty" else valid.astype(float))
+        if s.weights == "uncertainty" and good.any():
+            # a few vectors with an implausibly small error must not rule the fit
+            floor = 0.3 * np.median(std[good])
+            weights[k] = np.where(good, 1 / np.maximum(noise[k], floor) ** 2, 0.0)
     u, v = (np.where(valid, q, np.nan) for q in (u, v))
     correlated = s.correlation_length or ALIKE * window_of(plane) or _step(plane)
     errors = (noise[0], noise[1]) if len(noise) == 2 else None

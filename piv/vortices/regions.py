@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -25,15 +26,14 @@ FLAT = 0.75  # of the largest vorticity: a region whose edge has more is part of
 SADDLE = 0.6
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
-# relative standard deviations of the measures on a grid (x and y: over the radius), factors of
-# powers of the grid step over the radius; measured on Lamb-Oseen vortices with neighbours (no
-# command repeats it)
-OF_GRID = np.array([0.025, 0.025, 0.025, 0.04, 0.17])
+# relative standard deviations of the measures on a grid (x and y: over the radius), factors of the
+# square of the grid step over the radius, of a circulation over its circle's; and what the end of
+# the smoothing's weights makes. These and OF_REPLICAS: tests/studies/piv/vortex_errors.py
+OF_GRID = np.array([0.03, 0.03, 0.05, 0.15, 0.03])
+OF_WEIGHTS = np.array([0.0, 0.0, 2.5e-4, 0.0, 4e-4])
 OF_PIV = 0.002  # of a circulation, where windows and their smoothing err alike over a vortex
-POWER = np.array([2, 2, 1, 2, 2])
-# errors of PIV over those of the replicas: x, y, circulation, radius, peak; of 150 vortices
-# (docs/vortices.md; no command repeats it)
-OF_REPLICAS = np.array([0.8, 0.8, 1.0, 1.1, 1.4])
+# errors of PIV over those of the replicas: x, y, circulation, radius, peak
+OF_REPLICAS = np.array([0.7, 0.7, 1.0, 1.1, 1.8])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)
 
@@ -127,7 +127,7 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
         m = m._replace(circulation=np.sign(m.circulation) * _circulation(patch.c, own, p))
         noise = _of_vectors(patch, p, scale, m, s.least_part, own)
         if abs(m.circulation) >= s.significance * noise.circulation:
-            std = np.hypot(_of_grid(patch, p, m, own), noise)
+            std = np.hypot(_of_grid(patch, p, scale, m, own), noise)
             regions.append(Region(m, Measures(*std.tolist()), noise))
     return sorted(regions, key=lambda r: -abs(r.measures.circulation))
 
@@ -257,10 +257,20 @@ def _measures(patch: _Patch, level: float, p: Plane, sense: float) -> Measures:
     )
 
 
-def _depth(f: ndarray) -> ndarray:
+@compiled
+def _depth(f):
     """Distance to the line f = 0 in cells, positive where f is."""
-    down, across = np.gradient(f)
-    return f / np.maximum(np.hypot(down, across), 1e-12 * np.abs(f).max() + 1e-300)
+    rows, columns = f.shape
+    depth = np.empty(f.shape)
+    flat = 1e-12 * np.abs(f).max() + 1e-300
+    for j in range(rows):
+        above, below = max(j - 1, 0), min(j + 1, rows - 1)
+        for i in range(columns):
+            left, right = max(i - 1, 0), min(i + 1, columns - 1)
+            down = (f[below, i] - f[above, i]) / (below - above)
+            across = (f[j, right] - f[j, left]) / (right - left)
+            depth[j, i] = f[j, i] / max(math.sqrt(down * down + across * across), flat)
+    return depth
 
 
 def _peak(omega: ndarray, mask: ndarray) -> float:
@@ -275,7 +285,7 @@ def _peak(omega: ndarray, mask: ndarray) -> float:
     return value
 
 
-def _of_grid(patch: _Patch, p: Plane, m: Measures, own: ndarray) -> ndarray:
+def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -> ndarray:
     """Standard uncertainties of a region's measures by the grid and by what is hidden.
 
     Where its `own` points end at absent vectors that are not at a wall, what lies within half a
@@ -284,13 +294,14 @@ def _of_grid(patch: _Patch, p: Plane, m: Measures, own: ndarray) -> ndarray:
     c, _, _, box = patch
     step = max(p.step)
     sizes = np.array([m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)])
+    lengths = np.array([m.radius, m.radius, DISC * scale, m.radius, m.radius])
     known = np.pad(c.known | p.wall[box], 1, mode="edge")
     hidden = c.known & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
     share = own * np.maximum(c.omega, 0.0) * step / abs(m.circulation)
     unseen = np.hypot(
         share[hidden].sum() * p.correlated / 2, share[c.known & ~p.valid[box]].sum() * step
     )
-    relative = np.hypot(OF_GRID * (step / m.radius) ** POWER, unseen)
+    relative = np.hypot(np.hypot(OF_GRID * (step / lengths) ** 2, OF_WEIGHTS), unseen)
     if p.noise is not None:
         relative[2] = np.hypot(relative[2], OF_PIV)
     return relative * sizes
@@ -317,7 +328,8 @@ def _of_vectors(
     for k in range(REPLICAS):
         part = _Criteria(sense * replicas.omega[..., k], replicas.q[..., k], replicas.known)
         least = level * max(float(part.omega[mask].max()), 0.0)
-        labels, _ = ndimage.label(free & (part.q > 0) & (part.omega > least))
+        inside = free & (part.q > 0) & (part.omega > least)
+        _, labels = cv2.connectedComponents(inside.astype(np.uint8), connectivity=4)
         most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
         if (labels == most).any():
             drawn = _measures(patch._replace(c=part, mask=labels == most), level, p, sense)

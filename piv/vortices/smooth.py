@@ -8,7 +8,9 @@ from numpy import ndarray
 
 from piv.vortices.criteria import Gradients
 
-REACH = 3.0  # of the weights, standard deviations
+# of the weights, standard deviations; ended at three they smooth a twentieth less in variance than
+# `scale` says, and a peak is 1 % too high
+REACH = 4.0
 _LEAST_SPREAD = 0.02  # of the neighbours in two directions, variances; 1 away from absent vectors
 _LEAST_SEEN = 0.3  # share of the weights that lies on vectors: with less there is no gradient
 
@@ -27,8 +29,9 @@ class Smoother:
         self.valid = valid
         self._x, self._y = _weights(dx, scale), _weights(dy, scale)
         seen = valid.astype(float)
-        self.ok = (valid | lost) & (self._moment(seen, 0, 0) >= _LEAST_SEEN)
-        m00 = np.where(self.ok, self._moment(seen, 0, 0), 1.0)
+        m00 = self._moment(seen, 0, 0)
+        self.ok = (valid | lost) & (m00 >= _LEAST_SEEN)
+        m00 = np.where(self.ok, m00, 1.0)
         mx, my, mxx, mxy, myy = (
             self._moment(seen, i, j) / m00 for i, j in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         )

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from importlib import import_module
 
-STUDIES = ("limits", "benchmark", "turbulence", "public_data", "costs")
+STUDIES = ("limits", "benchmark", "turbulence", "public_data", "vortex_errors", "costs")
 
 if __name__ == "__main__":
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
