@@ -12,6 +12,7 @@ f > (a - 2 m) / 3.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,11 +121,14 @@ class Coupling:
         return bool((bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * most))
 
     def check(self) -> Check:
-        """What the loads make of the whole motion; the modelled inertia leaves no trace in it."""
+        """What the loads make of the whole motion, by one inertia: it leaves no trace in it."""
         chain, pressure, delta = self.chain, self.pressure, self.delta
-        after = delta.copy()
+        once, after = copy(self), delta.copy()
+        once.rest = np.zeros_like(self.rest)
+        once.inertia = np.broadcast_to(self.inertia[-1], self.inertia.shape)
         for number in range(1, len(delta)):
-            after[number] = self._moved(number, self.rest[number], after)
+            once.take(number, self.loads[number])
+            after[number] = once._moved(number, once.rest[number], after)
         change = chain.profile(pressure, after) - chain.profile(pressure, delta)
         # an impact takes energy within a step, in which it is not resolved
         touched = np.flatnonzero(self.contact.any(axis=(1, 2)))
