@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fileio.formats.plane_series import make_plane, provenance, write_plane
-from piv.foreign.read import with_units
+from piv.foreign.read import in_px
 from tests.shared_data import shared_data
 from tests.studies.piv.turbulence_field import TurbulentPlane
 
@@ -34,7 +34,7 @@ def turbulence(picture: Path, folder: Path) -> None:
     """Vortices of a plane of synthetic turbulence, vectors every 8 px."""
     x, y = np.arange(0, 513, 8.0), np.arange(0, 513, 8.0)
     u, v = TurbulentPlane(2.5, seed=1)(*np.meshgrid(x, y))
-    plane = with_units(make_plane(x, y, u, v), "px", "px", "frame")
+    plane = in_px(make_plane(x, y, u, v), "frame")
     write_plane(plane.assign_attrs(provenance()), folder / "turbulence.h5")
     piv("vortices turbulence.h5 -o turbulence.csv", folder)
     piv(f"plot turbulence.h5 --vortices turbulence.csv -o {picture}", folder)
