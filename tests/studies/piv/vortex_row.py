@@ -31,7 +31,7 @@ PAIRS, FIRST = 3, 4101
 
 
 def seen(plane: xr.Dataset, scale: float, spacing: float) -> tuple[float, float]:
-    """Parts of the row's vortices that are found, and that are found besides, at a scale (px)."""
+    """Shares of the row's vortices that are found, and of false ones, at a scale (px)."""
     settings = VortexSettings(min_circulation=0.05 * JUMP * spacing)
     regions = find_regions(plane_of(plane, settings), scale, settings)
     places = [region.measures for region in regions]
