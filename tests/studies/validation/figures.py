@@ -171,7 +171,7 @@ def rotating_flow(pictures: dict[float, list[Any]], turns: tuple[float, ...], pa
             shade = ax.imshow(turning, origin="lower", extent=extent, cmap=COLOUR_MAP,
                               vmin=-TURNING, vmax=TURNING)  # fmt: skip
             ax.fill(*plane["outline"].values.reshape(-1, 2).T, color=BODY)
-            ax.set(xlim=(0.5, 1.3), ylim=(0.0, 0.7), xticks=[], yticks=[], aspect="equal")
+            ax.set(xlim=(0.1, 1.4), ylim=(0.0, 1.1), xticks=[], yticks=[], aspect="equal")
             ax.set_title(f"Re {re:.0f}, {turn:.0f}°")
             ax.grid(False)
     bar = figure.colorbar(shade, ax=axes, shrink=0.5, pad=0.01)
