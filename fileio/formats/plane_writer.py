@@ -30,7 +30,7 @@ def new_series(time: ndarray, x: ndarray, y: ndarray) -> xr.Dataset:
 def write_blocks(parts: Iterable[xr.Dataset], path: str | Path, like: xr.Dataset) -> None:
     """Write a series from its parts along time; all that they lack, but for fields, is of `like`.
 
-    All parts hold the variables of the first.
+    All parts hold the variables of the first. ValueError where parts are missing.
     """
     with (
         whole(path) as part_file,
@@ -49,6 +49,8 @@ def write_blocks(parts: Iterable[xr.Dataset], path: str | Path, like: xr.Dataset
                     made[name] = disk[name]
                 made[name][begin:end] = field.values
             begin = end
+        if begin != like.sizes["time"]:
+            raise ValueError(f"{path}: {begin} of {like.sizes['time']} instants were made")
         for name, other in ((str(n), v) for n, v in like.variables.items()):
             if other.dims[-2:] != ("y", "x") and name not in made:
                 data = np.asarray(other.values)

@@ -91,7 +91,7 @@ class RecordingWriter(ResumableFile):
 
     shape: (rows, columns); dtype: uint8 or uint16; attrs: root attributes (docs/formats.md); times
     (n_frames,) in s, by default from attrs["frame_rate_hz"]; mask: `write` takes masks. A recording
-    of the same shape and attributes is continued.
+    of the same shape and attributes is continued. ValueError on bad input.
     """
 
     ITEM = "frame"
@@ -109,9 +109,15 @@ class RecordingWriter(ResumableFile):
     ) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
         self.dtype = np.dtype(dtype)
+        if self.dtype not in (np.uint8, np.uint16):
+            raise ValueError(f"{path}: a recording holds uint8 or uint16 frames, not {self.dtype}")
         if times is None:
+            if "frame_rate_hz" not in attrs:
+                raise ValueError(f"{path}: give `times` or attrs['frame_rate_hz'] to a recording")
             times = np.arange(n_frames) / float(attrs["frame_rate_hz"])
         self.times = np.asarray(times, float)
+        if self.times.shape != (n_frames,):
+            raise ValueError(f"{path}: times have shape {self.times.shape}, expected ({n_frames},)")
         self._masked = mask
         identity = [
             self.shape, str(self.dtype), n_frames, self.times.tolist(), mask, dict(attrs)
@@ -136,6 +142,15 @@ class RecordingWriter(ResumableFile):
 
     def write(self, i: int, frame: ndarray, mask: ndarray | None = None) -> None:
         """Store frame `i` (row 0 at the top) and its mask (True or 1 = body); then on disk."""
+        if frame.shape != self.shape or frame.dtype != self.dtype:
+            raise ValueError(
+                f"{self.path}: frame {i} is {frame.shape} {frame.dtype}, expected"
+                f" {self.shape} {self.dtype}"
+            )
+        if (mask is not None) != self._masked:
+            raise ValueError(f"{self.path}: give a mask with every frame or with none (frame {i})")
+        if not 0 <= i < self.count:
+            raise ValueError(f"{self.path}: frame {i} is outside the {self.count} frames")
         masks = {} if mask is None else {"mask": np.asarray(mask).astype(bool).astype(np.uint8)}
         self.store(i, {"frames": frame, **masks})
 

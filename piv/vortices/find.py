@@ -116,7 +116,9 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         lost = ~valid & ~wall
     weights = [valid.astype(float)] * 2
     noise = []
-    for k, name in enumerate(n for n in ("u_std", "v_std") if n in plane):
+    for k, name in enumerate(("u_std", "v_std")):
+        if name not in plane:
+            continue
         std = values(name)
         good = valid & np.isfinite(std) & (std > 0)
         noise.append(np.where(good, std, 0.0))

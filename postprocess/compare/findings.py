@@ -32,7 +32,7 @@ why = "…"                           # why not, or what of it the findings leav
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, StringConstraints, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, StringConstraints, ValidationError, model_validator
 
 from fileio.errors import StageError
 from fileio.provenance import check_version
@@ -58,7 +58,7 @@ class Finding(Section):
     finding: str
     figure: str
     quantity: str
-    of: Annotated[tuple[_Source, ...], BeforeValidator(_listed)]
+    of: Annotated[tuple[_Source, ...], Field(min_length=1), BeforeValidator(_listed)]
     comparison: Literal["<=", ">=", "in range", "equals"]
     value: Number | str | tuple[Number, Number]
     reason: _Text

@@ -108,7 +108,8 @@ def read_inputs(scene_folder: Path) -> tuple[Input, ...]:
     if not path.exists():
         return ()
     table = read_toml(path)
-    check_version(table, path, "inputs", 2, "docs/comparison.md shows one")
+    remedy = "remove [[numerics]] and too_uncertain, and set format_version = 2"
+    check_version(table, path, "inputs", 2, remedy)
     try:
         return Inputs(**table).input
     except ValidationError as error:

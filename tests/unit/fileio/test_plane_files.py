@@ -58,7 +58,8 @@ def test_a_series_written_instant_by_instant_is_the_one_written_whole(tmp_path):
 
 
 def test_a_series_that_fails_halfway_leaves_no_file(tmp_path):
-    parts = map(instant, [{"u": U[0]}, {"nothing": U[0]}])
-    with pytest.raises(KeyError, match="nothing"):
-        write_blocks(parts, tmp_path / "a.h5", new_series(TIME, X, Y))
-    assert not (tmp_path / "a.h5").exists()
+    ends = {"nothing": [{"u": U[0]}, {"nothing": U[0]}], "1 of": [{"u": U[0]}]}
+    for message, parts in ends.items():
+        with pytest.raises((KeyError, ValueError), match=message):
+            write_blocks(map(instant, parts), tmp_path / "a.h5", new_series(TIME, X, Y))
+        assert not (tmp_path / "a.h5").exists()

@@ -219,3 +219,21 @@ def test_pictures_smaller_than_a_window_are_told_by_name(tmp_path):
     words = r"a0\.png \.\.\. a1\.png: images of 32x24 px"
     with open_recording(tmp_path) as recording, pytest.raises(ValueError, match=words):
         correlate_recording(recording, tmp_path / "o.h5", Options(), SequenceOptions())
+
+
+@pytest.mark.parametrize(
+    "index, frame, mask, message",
+    [
+        (0, np.zeros((4, 5)), None, "float64"),
+        (0, np.zeros((1, 5), np.uint8), None, "expected"),
+        (-1, np.zeros((4, 5), np.uint8), None, "outside the 2 frames"),
+        (0, np.zeros((4, 5), np.uint8), np.zeros((4, 5), bool), "with every frame or with none"),
+    ],
+)
+def test_a_frame_that_does_not_fit_its_recording_is_refused(tmp_path, index, frame, mask, message):
+    attrs = {"frame_rate_hz": 100.0}
+    with (
+        pytest.raises(ValueError, match=message),
+        RecordingWriter(tmp_path / "a.h5", (4, 5), np.uint8, 2, attrs) as writer,
+    ):
+        writer.write(index, frame, mask)

@@ -119,6 +119,7 @@ def test_single_finger_asks_for_what_the_project_promises():
         ("value = 1.5e-3", 'value = "small"', "only be compared by 'equals'"),
         ('of = ["piv-cfd"]', 'of = ["guess"]', "of.*guess"),
         ('= ["piv-cfd"]', '= ["cfd", "lab"]', "of.*lab"),
+        ('= ["piv-cfd"]', "= []", "of: .* at least 1"),
         ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance: .* equal to 0"),
         ("format_version = 1", "format_version = 2", "format_version of this findings file is 2"),
         ('kind = "agreement"', "kind = agreement", "not valid TOML"),
