@@ -77,5 +77,8 @@ def stop_at(monkeypatch):
             patch.setattr(guards, "Guard", Stop)
             with pytest.raises(StageError, match="by a guard: test"):
                 run_stage.run(scene, quiet=True, **options)
+        # the files are kept, and nothing says that the run is whole
+        assert any(log.stat().st_size for log in scene.out.glob("case/*/log.pimpleFoam"))
+        assert not (scene.out / "run" / "run.json").exists()
 
     return stop

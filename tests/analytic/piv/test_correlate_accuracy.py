@@ -204,7 +204,8 @@ def test_pictures_at_the_extremes_give_no_plausible_wrong_answer(axis, value, pr
     case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
     row = images.run_case(case, preset)
     # at most 5 % of the valid off by over half a pixel
-    assert row["ended"] in ("completed", "all flagged", "refused"), row
+    ends = {"completed", "all flagged"} | ({"refused"} if axis == "special" else set())
+    assert row["ended"] in ends, row
     if value == "0.01":
         assert row["valid"] > 0.98
 

@@ -1,11 +1,12 @@
 """Tables and figures of docs/verification.md, from the results in docs/verification/."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from fileio.errors import StageError
+from fileio.json_text import parse_json
 from postprocess.tables import write_table
 from tests.studies.validation.figures import FIGURES
 
@@ -59,7 +60,10 @@ def _tolerance(check: dict[str, Any]) -> str:
 def write_ledger(folder: Path = FOLDER) -> int:
     """Write tables and figures; returns the number of missed checks."""
     files = [path for name in ORDER if (path := folder / f"{name}.json").exists()]
-    results = [json.loads(path.read_text(encoding="utf-8")) for path in files]
+    if not files:
+        raise StageError(f"{folder}: no results; run make validate")
+    texts = {path: path.read_text(encoding="utf-8") for path in files}
+    results = [parse_json(text, path, "run make validate") for path, text in texts.items()]
     for result in results:
         if result["curves"] and result["name"] in FIGURES:
             FIGURES[result["name"]](result["curves"], folder / f"{result['name']}.svg")
