@@ -24,16 +24,22 @@ FLAT = 0.75  # of the largest vorticity: a region whose edge has more is part of
 # flows are the same from 0.4 to 0.8; below 0.6 a roll at a finger's corner comes and goes (no
 # command repeats it)
 SADDLE = 0.6
+STEINER = np.pi / 12  # cells by which an edge one cell wide adds to the area of a closed curve
+# A vortex that is strained more than it turns: its largest vorticity over the plane's, and the
+# longest region over its width at SADDLE of that
+STRAINED_PEAK, ROUND = 0.25, 2.0
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of the
 # square of the grid step over the radius, of a circulation over its circle's; and what the end of
 # the smoothing's weights makes. These and OF_REPLICAS: tests/studies/piv/vortex_errors.py
-OF_GRID = np.array([0.03, 0.03, 0.05, 0.15, 0.03])
-OF_WEIGHTS = np.array([0.0, 0.0, 2.5e-4, 0.0, 4e-4])
-OF_PIV = 0.002  # of a circulation, where windows and their smoothing err alike over a vortex
+OF_GRID = np.array([0.022, 0.022, 0.056, 0.05, 0.01])
+OF_WEIGHTS = 4e-5
+# what windows and their smoothing err alike over a vortex: of a circulation, and of a radius the
+# factor of the square of the errors' length over it
+OF_PIV, OF_WINDOWS = 0.0012, 0.0085
 # errors of PIV over those of the replicas: x, y, circulation, radius, peak
-OF_REPLICAS = np.array([0.7, 0.7, 1.0, 1.1, 1.8])
+OF_REPLICAS = np.array([0.66, 0.66, 0.82, 1.0, 1.55])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)
 
@@ -95,28 +101,35 @@ class _Criteria(NamedTuple):
 
 
 class _Patch(NamedTuple):
-    """A region within its box: criteria, its points, those of no other region, and the box."""
+    """A region within its box: criteria, its points, those of no other region, and the box.
+
+    `level`: of its largest vorticity, that it ends at. `strained`: more than it turns.
+    """
 
     c: _Criteria
     mask: ndarray
     free: ndarray
     box: tuple[slice, ...]
+    level: float
+    strained: bool
 
 
 def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     """Vortices of a plane, strongest first, at a smoothing length `scale`.
 
     A region is connected points of one sense with Q > 0 around a maximum of the vorticity, with at
-    least `s.least_part` of that. Left out is what is smaller than `scale`, longer than
-    `s.max_elongation` times its width, has its centroid farther outside than `scale`, or does not
-    stand out of a background, and what does not exceed `s.significance` standard uncertainties.
+    least `s.least_part` of that. Where strain exceeds rotation at a maximum, farther than `scale`
+    from walls, it is a round region with at least SADDLE of it. Left out is what is smaller than
+    `scale`, longer than `s.max_elongation` times its width, has its centroid farther outside than
+    `scale`, or does not stand out of a background, and what does not exceed `s.significance`
+    standard uncertainties.
     """
     whole = _criteria(p, scale, np.s_[:, :])
     found = []
     for sense in (1.0, -1.0):
         turning = _Criteria(sense * whole.omega, whole.q, whole.known)
         patches = _vortices(turning, p, scale, s)
-        found += [(_measures(patch, s.least_part, p, sense), patch) for patch in patches]
+        found += [(_measures(patch, p, sense), patch) for patch in patches]
     strongest = max((abs(m.circulation) for m, _ in found), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     found = [f for f in found if abs(f[0].circulation) >= least]
@@ -125,7 +138,7 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     for m, patch in found:
         own = _own(p, patch.box, m, measures, DISC * scale)
         m = m._replace(circulation=np.sign(m.circulation) * _circulation(patch.c, own, p))
-        noise = _of_vectors(patch, p, scale, m, s.least_part, own)
+        noise = _of_vectors(patch, p, scale, m, own)
         if abs(m.circulation) >= s.significance * noise.circulation:
             std = np.hypot(_of_grid(patch, p, scale, m, own), noise)
             regions.append(Region(m, Measures(*std.tolist()), noise))
@@ -155,19 +168,30 @@ def _circulation(c: _Criteria, own: ndarray, p: Plane) -> float:
 
 def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterator[_Patch]:
     """Regions that are vortices, in boxes that hold the circle of a circulation."""
-    basins, peaks = _basins(c.omega, (c.q > 0) & (c.omega > 0), SADDLE)
     least = np.pi * (SMALLEST * scale) ** 2 / (p.step[0] * p.step[1])
-    sizes = np.bincount(basins.ravel())
-    for k, box in enumerate(ndimage.find_objects(basins), start=1):
-        if box is None or sizes[k] < least:
-            continue
-        by = 2 + int(DISC * scale / min(p.step))
-        edges = zip(box, basins.shape, strict=True)
-        box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
-        near, part = basins[box], _Criteria(*(q[box] for q in c))
-        mask = (near == k) & (part.omega >= s.least_part * peaks[k])
-        if np.count_nonzero(mask) >= least and _stands_out(part, mask, p.step, scale, s):
-            yield _Patch(part, mask, (near == k) | (near == 0), box)
+    taken = np.zeros(c.omega.shape, bool)
+    away = cv2.distanceTransform(c.known.astype(np.uint8), cv2.DIST_L2, 5) > scale / max(p.step)
+    lowest = STRAINED_PEAK * np.abs(c.omega).max()
+    round_ = c._replace(q=np.where(away & (c.omega > SADDLE * lowest), 1.0, -1.0))
+    for strained, part, level, longest, peak in (
+        (False, c, s.least_part, s.max_elongation, 0.0),
+        (True, round_, SADDLE, ROUND, lowest),
+    ):
+        basins, peaks = _basins(part.omega, (part.q > 0) & (part.omega > 0), SADDLE)
+        sizes = np.bincount(basins.ravel())
+        for k, box in enumerate(ndimage.find_objects(basins), start=1):
+            if box is None or sizes[k] < least or peaks[k] < peak:
+                continue
+            by = 2 + int(DISC * scale / min(p.step))
+            edges = zip(box, basins.shape, strict=True)
+            box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
+            near, local = basins[box], _Criteria(*(q[box] for q in part))
+            mask = (near == k) & (local.omega >= level * peaks[k])
+            if np.count_nonzero(mask) < least or (mask & taken[box]).any():
+                continue
+            if _stands_out(local, mask, p.step, scale, longest):
+                taken[box] |= near == k
+                yield _Patch(local, mask, (near == k) | (near == 0), box, level, strained)
 
 
 @compiled
@@ -222,7 +246,7 @@ def _criteria(p: Plane, scale: float, box, noise: tuple[ndarray, ndarray] | None
 
 
 def _stands_out(
-    c: _Criteria, mask: ndarray, step: tuple[float, float], scale: float, s: VortexSettings
+    c: _Criteria, mask: ndarray, step: tuple[float, float], scale: float, longest: float
 ) -> bool:
     """Whether a region has the edge, centroid and length of a vortex: see `find_regions`."""
     j, i = np.nonzero(mask)
@@ -235,15 +259,17 @@ def _stands_out(
         return False
     spread = np.cov(np.array([i * step[0], j * step[1]]), aweights=weight, bias=True)
     small, large = np.linalg.eigvalsh(spread + np.diag(step) ** 2 / 12)
-    return bool(large <= s.max_elongation**2 * small)
+    return bool(large <= longest**2 * small)
 
 
-def _measures(patch: _Patch, level: float, p: Plane, sense: float) -> Measures:
+def _measures(patch: _Patch, p: Plane, sense: float) -> Measures:
     """Integrals over a region; a cell on its edge counts by the part that lies within."""
-    c, mask, free, box = patch
+    c, mask, free, box, level, strained = patch
     peak = float(c.omega[mask].max())
     near = cv2.dilate(mask.astype(np.uint8), _SQUARE) > 0
-    within = np.minimum(_depth(c.q), _depth(c.omega - level * peak))
+    within = _depth(c.omega - level * peak)
+    if not strained:
+        within = np.minimum(within, _depth(c.q))
     cover = np.clip(0.5 + within, 0.0, 1.0) * (near & free & c.known)
     amount = cover * np.maximum(c.omega, 0.0)
     total, cell = float(amount.sum()), p.step[0] * p.step[1]
@@ -252,24 +278,32 @@ def _measures(patch: _Patch, level: float, p: Plane, sense: float) -> Measures:
         float(amount.sum(axis=0) @ x / total),
         float(amount.sum(axis=1) @ y / total),
         sense * total * cell,
-        float(np.sqrt(cover.sum() * cell / np.pi)),
+        float(np.sqrt((cover.sum() - STEINER) * cell / np.pi)),
         sense * _peak(c.omega, mask),
     )
 
 
 @compiled
 def _depth(f):
-    """Distance to the line f = 0 in cells, positive where f is."""
+    """Distance to the line f = 0 in cells, positive where f is, to second order."""
     rows, columns = f.shape
     depth = np.empty(f.shape)
-    flat = 1e-12 * np.abs(f).max() + 1e-300
+    flat = (1e-12 * np.abs(f).max() + 1e-70) ** 2
     for j in range(rows):
         above, below = max(j - 1, 0), min(j + 1, rows - 1)
         for i in range(columns):
             left, right = max(i - 1, 0), min(i + 1, columns - 1)
             down = (f[below, i] - f[above, i]) / (below - above)
             across = (f[j, right] - f[j, left]) / (right - left)
-            depth[j, i] = f[j, i] / max(math.sqrt(down * down + across * across), flat)
+            twist = f[below, right] - f[below, left] - f[above, right] + f[above, left]
+            bend = (
+                across**2 * (f[j, right] - 2 * f[j, i] + f[j, left])
+                + down**2 * (f[below, i] - 2 * f[j, i] + f[above, i])
+                + across * down * twist / 2
+            )
+            square = max(down**2 + across**2, flat)
+            curved = f[j, i] * bend / (2 * square**2)
+            depth[j, i] = f[j, i] / math.sqrt(square) * (1 + min(max(curved, -0.5), 0.5))
     return depth
 
 
@@ -291,7 +325,7 @@ def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -
     Where its `own` points end at absent vectors that are not at a wall, what lies within half a
     window beyond is unknown; so is what lies at absent vectors that were bridged.
     """
-    c, _, _, box = patch
+    c, box = patch.c, patch.box
     step = max(p.step)
     sizes = np.array([m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)])
     lengths = np.array([m.radius, m.radius, DISC * scale, m.radius, m.radius])
@@ -304,19 +338,18 @@ def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -
     relative = np.hypot(np.hypot(OF_GRID * (step / lengths) ** 2, OF_WEIGHTS), unseen)
     if p.noise is not None:
         relative[2] = np.hypot(relative[2], OF_PIV)
+        relative[3] = np.hypot(relative[3], OF_WINDOWS * (p.correlated / m.radius) ** 2)
     return relative * sizes
 
 
-def _of_vectors(
-    patch: _Patch, p: Plane, scale: float, m: Measures, level: float, own: ndarray
-) -> Measures:
+def _of_vectors(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -> Measures:
     """Standard uncertainties of a region's measures by replicas of the vectors' errors.
 
     The errors are alike over a window; 0 where the plane does not tell them.
     """
     if p.noise is None:
         return Measures(*[0.0] * 5)
-    _, mask, free, box = patch
+    _, mask, free, box, level, strained = patch
     rng = np.random.default_rng(1)
     errors = [
         np.where(p.valid[box], std[box], 0.0)[..., None] * _alike(rng, p, std[box].shape)
@@ -328,11 +361,11 @@ def _of_vectors(
     for k in range(REPLICAS):
         part = _Criteria(sense * replicas.omega[..., k], replicas.q[..., k], replicas.known)
         least = level * max(float(part.omega[mask].max()), 0.0)
-        inside = free & (part.q > 0) & (part.omega > least)
+        inside = free & (part.omega > least) & ((part.q > 0) | strained)
         _, labels = cv2.connectedComponents(inside.astype(np.uint8), connectivity=4)
         most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
         if (labels == most).any():
-            drawn = _measures(patch._replace(c=part, mask=labels == most), level, p, sense)
+            drawn = _measures(patch._replace(c=part, mask=labels == most), p, sense)
             values.append(drawn._replace(circulation=_circulation(part, own, p)))
     if len(values) < 2:  # it vanishes in the noise
         return Measures(*[np.inf] * 5)

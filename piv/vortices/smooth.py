@@ -70,5 +70,9 @@ def _weights(step: float, scale: float) -> tuple[ndarray, ndarray]:
     """Offsets and weights of the neighbours along one axis."""
     count = max(1, int(np.ceil(REACH * scale / step - 1e-6)))
     offset = np.arange(-count, count + 1) * step
-    weight = np.exp(-((offset / scale) ** 2) / 2)
+    wide = scale
+    for _ in range(3):
+        weight = np.exp(-((offset / wide) ** 2) / 2)
+        square, fourth = (weight @ offset**k / weight.sum() for k in (2, 4))
+        wide *= scale / np.sqrt((square + fourth / (3 * square)) / 2)
     return offset, weight / weight.sum()

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from fileio.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
+from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene, young_scene
 
 
@@ -56,3 +58,19 @@ def test_vectors_that_piv_misses_beside_a_known_wall_change_nothing(core, gap):
     bare = (find_vortices(p.drop_vars("outline"), scale=2e-3)[0] for p in (plane, seen))
     one, other = (v.circulation for v in bare)
     assert abs(other - one) > 0.01 * abs(one)  # which the rule avoids
+
+
+def test_a_round_vortex_that_is_strained_more_than_it_turns_is_found_and_a_sheet_is_not():
+    axis = np.arange(-0.03, 0.03, 0.5e-3)
+    x, y = np.meshgrid(axis, axis)
+    core, scale = 5e-3, 2e-3
+    u, v = lamb_oseen(x, y, 2e-3, -1e-3, 0.01, core)
+    strain = 0.7 * 0.01 / (np.pi * core**2)  # over half of the vorticity: Q < 0 everywhere
+    found = find_vortices(make_plane(axis, axis, u + strain * x, v - strain * y), scale=scale)
+    assert len(found) == 1
+    # exact but for the grid: the region's centroid, and the vorticity within the circle
+    assert np.hypot(found[0].x - 2e-3, found[0].y + 1e-3) < 0.01 * core
+    within = -np.expm1(-((3 * scale) ** 2) / (core**2 + 2 * scale**2)) * 0.01
+    assert found[0].circulation == pytest.approx(within, rel=0.002)
+    sheet = make_plane(axis, axis, -np.tanh(y / 3e-3) + 0.1 * np.sin(200 * x), 0 * y)
+    assert find_vortices(sheet, scale=scale) == []
