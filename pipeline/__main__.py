@@ -35,7 +35,9 @@ Ranks = Annotated[int, Parameter(["--ranks", "-n"], env_var="NP", help="MPI rank
 Quiet = Annotated[bool, Parameter(env_var="QUIET", negative="", help="Print errors only.")]
 Overrides = Annotated[
     list[str],
-    Parameter("--set", negative="", help="KEY=VALUE of the scene, as mesh.tip_cell=0.001."),
+    Parameter(
+        "--set", negative="", help="KEY=VALUE of the scene, as mesh.tip_cell=0.001; once for each."
+    ),
 ]
 Switch = Annotated[bool, Parameter(negative="")]
 Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]

@@ -9,7 +9,7 @@ from pipeline.scene.predicted import predicted
 
 # relative to coarse
 _SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}
-_COUPLED = 1.5  # CPU time over that of a prescribed run: 1.3 to 1.9 in docs/coupling.md
+_COUPLED = 1.4  # CPU time over that of a prescribed run: 1.1 to 1.5 in docs/coupling.md
 
 
 def estimate(run: Run, stage: str) -> tuple[float, float]:

@@ -115,17 +115,16 @@ def plane_of(plane: xr.Dataset, s: VortexSettings) -> Plane:
         valid &= ~wall
         lost = ~valid & ~wall
     weights = [valid.astype(float)] * 2
-    noise = []
-    for k, name in enumerate(("u_std", "v_std")):
-        if name not in plane:
-            continue
-        std = values(name)
-        good = valid & np.isfinite(std) & (std > 0)
-        noise.append(np.where(good, std, 0.0))
-        if s.weights == "uncertainty" and good.any():
-            # a few vectors with an implausibly small error must not rule the fit
-            floor = 0.3 * np.median(std[good])
-            weights[k] = np.where(good, 1 / np.maximum(noise[k], floor) ** 2, 0.0)
+    stds = [values(name) for name in ("u_std", "v_std") if name in plane]
+    good = [valid & np.isfinite(std) & (std > 0) for std in stds]
+    noise = [np.where(g, std, 0.0) for g, std in zip(good, stds, strict=True)]
+    # of both components, or their weights would not be comparable
+    if s.weights == "uncertainty" and len(good) == 2 and all(g.any() for g in good):
+        # a few vectors with an implausibly small error must not rule the fit
+        weights = [
+            np.where(g, 1 / np.maximum(n, 0.3 * np.median(n[g])) ** 2, 0.0)
+            for g, n in zip(good, noise, strict=True)
+        ]
     u, v = (np.where(valid, q, np.nan) for q in (u, v))
     correlated = s.correlation_length or ALIKE * window_of(plane) or _step(plane)
     errors = (noise[0], noise[1]) if len(noise) == 2 else None

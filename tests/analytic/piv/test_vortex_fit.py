@@ -103,6 +103,9 @@ def test_a_known_uncertainty_widens_the_disc_as_far_as_the_model_holds():
     assert held > 0.5 * narrow.circulation_fit_std
     # without the uncertainty the residuals of the smallest disc stand for it
     assert fitted(u, v).circulation_fit == pytest.approx(free.circulation_fit, rel=1e-3)
+    # one component's alone cannot weigh both
+    half = fitted(u, v, u_std=std["u_std"], v_std=(("y", "x"), np.zeros(X.shape)))
+    assert half.circulation_fit == fitted(u, v).circulation_fit
 
 
 @pytest.mark.parametrize("half_distance", [0.25, 0.4])
