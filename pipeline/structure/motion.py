@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,23 +155,27 @@ def advance(
     if around.inertia is not None:
         still = np.concatenate([np.zeros((1, chain.slices)), before])
         loads = loads - around.inertia @ turning(unloaded, times, still, step)
+    moved, sped = (
+        np.tensordot(weights[1:], earlier.content, 1) for weights in (_VELOCITY, _ACCELERATION)
+    )
+    bent_before = np.tensordot(_VELOCITY[1:], bends, 1)
 
     def residual(turned: FloatArray) -> FloatArray:
         at = placed(unloaded, int(times[0]), turned)
         bent = np.diff(turned, axis=-1, prepend=0.0)
-        velocity = _difference(_VELOCITY, at.content, earlier.content)[..., MIDDLE, :] / step
-        acceleration = _difference(_ACCELERATION, at.content, earlier.content) / step**2
+        velocity = (_VELOCITY[0] * at.content[..., MIDDLE, :] + moved[MIDDLE]) / step
+        acceleration = (_ACCELERATION[0] * at.content + sped) / step**2
         carried = loads
         if around.inertia is not None:
             rate = _FELT[0] / step**2 * turned
             carried = loads - np.einsum("slj,...j->...sl", around.inertia, rate)
         acting = forces(chain, around, at, velocity, acceleration, air, carried)
         moment = joint_moments(at, acting, carried[..., 2])
-        slowed = damping * _difference(_VELOCITY, bent, bends) / step
+        slowed = damping * (_VELOCITY[0] * bent + bent_before) / step
         return law(bent / chain.springs) + slowed / chain.springs - moment
 
     name = f"at {times[0] * step:.4g} s"
-    delta = _newton(residual, 2 * before[0] - before[1], name)
+    delta = _newton(residual, 3 * before[0] - 3 * before[1] + before[2], name)
     if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > _LARGEST_SHARE:
         raise StageError(
             f"{name} the finger bears a moment far beyond the table of states.h5"
@@ -225,11 +228,6 @@ def turning(
 def felt(values: FloatArray, step: float) -> FloatArray:
     """Second derivative of values (EARLIER + 1, …), the latest first, as the flow feels it."""
     return np.asarray(_FELT @ values / step**2)
-
-
-def _difference(weights: FloatArray, now: Any, before: Any) -> Any:
-    """Weighted sum of a value now and (EARLIER, …) before, the latest first."""
-    return weights[0] * now + np.tensordot(weights[1:], before, 1)
 
 
 def rates_of(content: ComplexArray, step: float) -> tuple[ComplexArray, ComplexArray]:
