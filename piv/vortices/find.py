@@ -50,6 +50,11 @@ def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:
     Of a plane that has neither, two grid steps; never less than one.
     """
     if s.scale is not None:
+        if s.scale < _step(plane) / 2:
+            raise ValueError(
+                f"scale = {s.scale:g} is less than half a grid step of {_step(plane):.3g}, and no"
+                " vortex could be found: give a larger one, in the units of the axes"
+            )
         return s.scale
     if "tip_width" in plane.attrs:
         return max(_TIP_PART * float(plane.attrs["tip_width"]), _step(plane))

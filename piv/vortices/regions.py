@@ -175,7 +175,7 @@ def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterat
     round_ = c._replace(q=np.where(away & (c.omega > SADDLE * lowest), 1.0, -1.0))
     for strained, part, level, longest, peak in (
         (False, c, s.least_part, s.max_elongation, 0.0),
-        (True, round_, SADDLE, ROUND, lowest),
+        (True, round_, max(SADDLE, s.least_part), min(ROUND, s.max_elongation), lowest),
     ):
         basins, peaks = _basins(part.omega, (part.q > 0) & (part.omega > 0), SADDLE)
         sizes = np.bincount(basins.ravel())

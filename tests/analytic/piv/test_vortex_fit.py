@@ -243,6 +243,8 @@ def test_what_is_not_a_plane_is_refused():
         find_vortices(series)
     with pytest.raises(ValueError, match="unknown vortex option"):
         find_vortices(series.isel(time=0), treshold=1)
+    with pytest.raises(ValueError, match=r"scale = 0\.4 is less than half a grid step of 1"):
+        find_vortices(series.isel(time=0), scale=0.4)
 
 
 def test_a_layer_on_a_wall_is_no_vortex():
