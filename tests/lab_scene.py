@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -30,10 +31,10 @@ vectors = {{ std_px = 0.05 }}
 CASE = Path(__file__).parents[1] / "cases" / "single_finger"
 
 
-def finger_kinematics(folder: Path) -> Kinematics:
+def finger_kinematics(folder: Path, overrides: dict[str, Any] | None = None) -> Kinematics:
     """The motion of single_finger."""
     path = folder / "kinematics.h5"
-    write_kinematics(path, kinematics_values(load_scene(CASE, "smoke")))
+    write_kinematics(path, kinematics_values(load_scene(CASE, "smoke", overrides)))
     return read_kinematics(path)
 
 

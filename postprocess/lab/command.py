@@ -27,9 +27,10 @@ from postprocess.lab.flow import flow_effects, flow_quantities, tables
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
 from postprocess.lab.motion import (
     Case,
+    Effect,
     at_recorded_motion,
     check_clock,
-    effect_of,
+    difference,
     motion_quantities,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
@@ -39,7 +40,13 @@ from postprocess.lab.register import (
     register,
     stated_registration,
 )
-from postprocess.lab.validation import joint_level, judged, verdicts
+from postprocess.lab.validation import (
+    AGREES,
+    ValidatedQuantity,
+    joint_level,
+    judged,
+    verdicts,
+)
 from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
 
@@ -82,8 +89,13 @@ def compare_with(
             )
             make(one, "kinematics", machine, quiet=True)
             changed = read_kinematics(one.path("kinematics"))
-            case.effects.append(effect_of(of, kinematics, changed))
+            case.effects.append(Effect(of, *difference(kinematics, changed)))
         if not quick:
+            differs = verdicts(_judged(motion_quantities(case)))["motion"] != AGREES
+            if dpiv.pressure_csv is not None and differs:
+                path = dpiv.folder / dpiv.pressure_csv
+                moved = motion_at(path, run, lab / "at_pressure", machine, quiet)
+                case = replace(case, at_pressure=difference(kinematics, moved))
             case = _with_flow(case, run, runs, lab, dpiv, view, machine, quiet)
         result, series = compare(case)
         missing = {"pressure", "duration", *(of.name for of in beside)} - set(runs)
@@ -127,8 +139,28 @@ def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:
         series = pd.concat(
             [t.set_index("time").add_suffix(f"_{name}") for name, t in measured.items()], axis=1
         ).reset_index()
-    rows = [judged(q, joint_level(len(quantities))) for q in quantities]
-    return {"quantities": rows, **verdicts(rows)}, series
+    rows, at_pressure = _judged(quantities), None
+    if case.at_pressure is not None:
+        at_pressure = _judged(motion_quantities(replace(case, effects=[]), case.at_pressure))
+    return {"quantities": rows, **verdicts(rows), "at_pressure": at_pressure}, series
+
+
+def _judged(quantities: list[ValidatedQuantity]) -> list[dict[str, Any]]:
+    return [judged(q, joint_level(len(quantities))) for q in quantities]
+
+
+def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) -> Kinematics:
+    """The motion that the measured pressure of a CSV and the water make, by a coupled run."""
+    if run.scene.model.kind == "2d":
+        raise StageError(
+            f"pressure_csv: level {run.scene.level} is a plane flow, whose water is too heavy for a"
+            " coupled run; take LEVEL=draft or finer, or leave the key out"
+        )
+    values = dict(run.overrides) | {"motion.source": "structure", "motion.strokes": []}
+    values["motion.pressure_csv"] = str(path.resolve())
+    one = open_run(run.scene.folder, run.scene.level, values, out)
+    make(one, "run", machine, quiet)
+    return read_kinematics(one.path("kinematics"))
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:

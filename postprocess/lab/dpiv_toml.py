@@ -35,8 +35,8 @@ REQUIRED = {
 # keys of the other kind, which would be ignored
 OTHER = {
     "pictures": "axes.root_mm axes.root_std_mm vectors",
-    "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour axes.root_px"
-    " piv.pairing piv.every scale.calibration",
+    "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour pressure_csv"
+    " axes.root_px piv.pairing piv.every scale.calibration",
 }
 ONE_FILE = (*PHOTRON_SUFFIXES, *VIDEO_SUFFIXES, *HDF5_SUFFIXES)  # is the whole recording
 
@@ -139,6 +139,8 @@ class Dpiv(Table):
     """{ at_s = …, std_s = … } of the first picture, or of pictures "from motion": they show it"""
     finger_geometry: Literal["measured", "nominal"]
     """ "measured": FEA of this very finger; "nominal": of its drawing, so that its bands count"""
+    pressure_csv: str | None = None
+    """Of pictures: measured pressure, a CSV of t,p (s, Pa) on the simulation's clock"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
     """What is done with coloured pictures"""
     finger_length_std_mm: NotNegative | None = None

@@ -73,6 +73,7 @@ class Case:
     bend_std: float  # rad, of the FEA at the end of the stroke; 0: its bands do not count
     flow: Sides | None = None
     effects: list[Effect] = field(default_factory=list)
+    at_pressure: tuple[float, float] | None = None  # `difference` of a run at that measured
 
     @property
     def finer(self) -> list[Effect]:
@@ -100,18 +101,22 @@ def stroke_duration(kinematics: Kinematics) -> float:
     return last - first
 
 
-def effect_of(of: Input | Finer, nominal: Kinematics, run: Kinematics) -> Effect:
-    """What a run changes of the motion: factor and stretch of its law against the nominal one."""
+def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
+    """By how much final bend (rad) and duration (s) of another motion exceed the nominal ones.
+
+    Those of the nominal law whose bend, shifted and stretched in time, is nearest to the other's.
+    """
     times = np.linspace(*nominal.time, 201)
-    wanted, scale = run.law(times), nominal.high - nominal.low
+    wanted = other.bend(other.law(np.clip(times, *other.time)))
+    scale = np.ptp(nominal.bend(nominal.law(times)))
     fit = least_squares(
-        lambda values: (law_pressure(nominal, times, values) - wanted) / scale,
+        lambda values: (nominal.bend(law_pressure(nominal, times, values)) - wanted) / scale,
         (1.0, 0.0, 1.0),
         x_scale=(0.01, 0.001, 0.01),
     )
     factor, _, stretch = (float(value) for value in fit.x)
     bend = final_bend(nominal, factor) - final_bend(nominal)
-    return Effect(of, bend, stroke_duration(nominal) * (stretch - 1))
+    return bend, stroke_duration(nominal) * (stretch - 1)
 
 
 def _motions(case: Case) -> np.ndarray:
@@ -147,13 +152,18 @@ def at_recorded_motion(case: Case) -> Case:
     return replace(case, effects=list(named.values()))
 
 
-def motion_quantities(case: Case) -> list[ValidatedQuantity]:
-    """Final bend angle and duration of the stroke; none where the recording does not show them."""
+def motion_quantities(
+    case: Case, moved: tuple[float, float] = (0.0, 0.0)
+) -> list[ValidatedQuantity]:
+    """Final bend angle and duration of the stroke; none where the recording does not show them.
+
+    Of a simulation whose motion is `moved` by a `difference`.
+    """
     if case.registration.times.size == 0:
         return []
     inputs, out = [e for e in case.effects if e.of.kind == "input"], []
-    motions = zip(QUANTITIES, _motions(case), strict=True)
-    for (name, label, unit), (simulated, seen, std) in motions:
+    motions = zip(QUANTITIES, _motions(case), moved, strict=True)
+    for (name, label, unit), (simulated, seen, std), more in motions:
         sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
         for e in inputs:
             change = e.bend if name == "final_bend" else e.duration
@@ -162,7 +172,7 @@ def motion_quantities(case: Case) -> list[ValidatedQuantity]:
         if case.bend_std and name == "final_bend":
             band = np.array([case.bend_std])
             sources.append(Source("geometry and material", "input", band, "FEA's band"))
-        both = np.array([simulated]), np.array([seen])
+        both = np.array([simulated + more]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out
 

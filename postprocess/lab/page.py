@@ -108,6 +108,7 @@ def answer(result: dict[str, Any]) -> str:
     parts += [_evidence(motion), _evidence(flow)]
     if moves in (ERROR, DIFFERS):
         parts.append(_cause_of_motion(moves, result["registration"]))
+        parts.append(_by_pressure(result["at_pressure"]))
     if wrong:
         parts.append(_blame_of_flow(moves, wrong))
     if flow and (missing := result["missing_runs"]):
@@ -160,6 +161,20 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
         f" times as long. Correct motion.strokes of the scene{rate}."
     )
+
+
+def _by_pressure(made: list[Quantity] | None) -> str:
+    """Whether the measured pressure explains the motion; `made`: of a coupled run with it."""
+    if made is None:
+        return ""
+    moved = " and ".join(f"{pair(q['simulation'], q['unit'])} ({q['label']})" for q in made)
+    text = f"With the measured pressure a coupled run has {moved}"
+    if any(q["verdict"] in (ERROR, DIFFERS) for q in made):
+        return (
+            f"{text}, and the recording not: the structure is to blame (motion.states,"
+            " structure.bending_stiffness)."
+        )
+    return f"{text}, as the recording: pressure and water explain it, motion.strokes do not."
 
 
 def _blame_of_flow(moves: str | None, wrong: list[Quantity]) -> str:

@@ -18,7 +18,9 @@ from postprocess.lab.motion import (
     Effect,
     at_recorded_motion,
     check_clock,
+    difference,
     final_bend,
+    motion_quantities,
     stroke_duration,
 )
 from postprocess.lab.pose import Pose
@@ -60,6 +62,19 @@ def test_the_motion_is_counted_in_changes_of_the_runs(case):
     # by speed: 1/0.9 of the simulation's against 1/1.1 of the run's
     assert duration.share == pytest.approx((1 / 0.9 - 1) / (1 / 1.1 - 1))
     assert duration.share_std == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1))
+
+
+def test_another_motion_differs_by_its_bend_and_duration(case, tmp_path):
+    """8 % more pressure in 10 % less time, beginning 20 ms later: known by its bend alone."""
+    stroke = {"pressure_kpa": 21.6, "start": 0.025, "duration": 0.36}
+    other = finger_kinematics(tmp_path, {"motion.strokes": [stroke]})
+    bend, duration = difference(case.kinematics, other)
+    bent = final_bend(case.kinematics, 1.08)
+    assert bend == pytest.approx(bent - final_bend(case.kinematics), rel=0.01)
+    # the nominal law ends at 0.42 s, which is 0.44 s in its time
+    assert duration == pytest.approx(-0.1 * stroke_duration(case.kinematics), rel=0.02)
+    at_pressure = motion_quantities(case, (bend, duration))
+    assert at_pressure[0].simulation == pytest.approx(bent, rel=1e-3)
 
 
 def test_it_takes_the_place_of_the_inputs_bands(case):

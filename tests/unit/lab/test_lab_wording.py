@@ -39,7 +39,7 @@ def quantity(
     }
 
 
-def result(*quantities, missing=()):
+def result(*quantities, missing=(), at_pressure=None):
     """comparison.json as far as the wording reads it."""
     law = {"pressure_factor": 1.05, "pressure_factor_std": 0.003}
     law |= {"stretch": 1.0, "stretch_std": 0.004}
@@ -48,6 +48,7 @@ def result(*quantities, missing=()):
         "quantities": list(quantities),
         "missing_runs": list(missing),
         "registration": law,
+        "at_pressure": at_pressure,
     }
 
 
@@ -68,6 +69,19 @@ def test_a_motion_that_is_to_blame_is_named():
     assert "The motion is to blame" in text
     assert "bends as at 1.050 ±\u00a00.006 times the pressure" in text
     assert "frame_rate_hz" not in text  # the stroke lasts as long as simulated
+
+
+@pytest.mark.parametrize(
+    "made, said",
+    [
+        (STRAIGHT, "has 91.9\u00a0° (final bend), as the recording: pressure and water explain it"),
+        (BEND, "has 87.2\u00a0° (final bend), and the recording not: the structure is to blame"),
+    ],
+)
+def test_a_run_at_the_measured_pressure_tells_pressure_from_structure(made, said):
+    assert f"With the measured pressure a coupled run {said}" in answer(
+        result(BEND, SAME, at_pressure=[made])
+    )
 
 
 def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
