@@ -25,6 +25,7 @@ from postprocess.lab.check_fit import check_fit, draw_fit
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
 from postprocess.lab.flow import flow_effects, flow_quantities, tables
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
+from postprocess.lab.load import with_load
 from postprocess.lab.motion import (
     Case,
     Effect,
@@ -142,7 +143,9 @@ def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:
     rows, at_pressure = _judged(quantities), None
     if case.at_pressure is not None:
         at_pressure = _judged(motion_quantities(replace(case, effects=[]), case.at_pressure))
-    return {"quantities": rows, **verdicts(rows), "at_pressure": at_pressure}, series
+    no_load = case.flow.no_load if case.flow else ""
+    about = {"at_pressure": at_pressure, "no_load": no_load}
+    return {"quantities": rows, **verdicts(rows), **about}, series
 
 
 def _judged(quantities: list[ValidatedQuantity]) -> list[dict[str, Any]]:
@@ -250,11 +253,15 @@ def _with_flow(
     known = case.kinematics, case.registration, sheet, vortices
     sides = both_sides(lab, dpiv, *known, threads=machine.jobs, quiet=quiet)
     check_clock(case, sides, dpiv.folder / NAME)
+    fluid = run.scene.fluid
+    sides = with_load(sides, case, sheet, fluid.density, fluid.kinematic_viscosity)
     for one in runs.values():
         make(one, "run", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
     sheets = {of: one.out / name for of, one in runs.items()}
-    return replace(case, flow=sides, effects=flow_effects(case, sides, sheet, sheets))
+    return replace(
+        case, flow=sides, effects=flow_effects(case, sides, sheet, sheets, fluid.density)
+    )
 
 
 def _plan(runs: dict[str, Run], ranks: int) -> str:

@@ -1,4 +1,4 @@
-"""Circulation and centre of the tip vortex at the instants that tell most, and their uncertainty.
+"""Circulation and centre of the tip vortex, and the load, at the instants that tell most.
 
 While the vortex is smaller than an interrogation window, PIV takes a large share off it. The
 virtual experiment shows that share, and the comparison begins where it costs least.
@@ -17,15 +17,17 @@ from fileio.errors import StageError
 from fileio.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
+from postprocess.lab.load import load_of_sheet
 from postprocess.lab.motion import Case, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
 
 COLUMNS = ("circulation", "x", "y")
-VORTEX = {  # quantity: columns, unit, label
-    "circulation": (("circulation",), "m²/s", "circulation of the tip vortex"),
-    "centre": (("x", "y"), "m", "centre of the tip vortex"),
+QUANTITIES = {  # columns, unit, label, power of the scale with which a value goes (0: a place)
+    "circulation": (("circulation",), "m²/s", "circulation of the tip vortex", 2),
+    "centre": (("x", "y"), "m", "centre of the tip vortex", 0),
+    "load": (("load",), "N", "moment of the water on the finger, per metre of depth", 4),
 }
 FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
@@ -59,15 +61,18 @@ def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
         [usable(plane).values for plane in named.values()]
     )
     pose = case.registration.pose
-    return {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
+    return {
+        name: measure(sides, pose, plane, name, seen).assign(**sides.load.get(name, {}))
+        for name, plane in named.items()
+    }
 
 
 def flow_effects(
-    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
+    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path], density: float
 ) -> list[Effect]:
     """The effects with what each run changes of the flow, seen through this recording's pose.
 
-    `nominal`: sheet of the run itself; `sheets`: those of the others, by name.
+    `nominal`: sheet of the run itself; `sheets`: those of the others, by name; kg/m³.
     """
     pose, times = case.registration.pose, sides.direct["time"].values
     x, y = (sides.direct[axis].values for axis in ("x", "y"))
@@ -87,20 +92,17 @@ def flow_effects(
         table = {
             n: np.interp(times, at[known], v[known], np.nan, np.nan) for n, v in change.items()
         }
+        if sides.load:
+            of_run = load_of_sheet(sheet, case.kinematics.root, density, times)
+            table["load"] = of_run - sides.load["direct"]["load"]
         effects.append(replace(effect, table=pd.DataFrame(table)))
     return effects
 
 
-def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
-    """Instants (n,) at which every side and run has its vortex; ValueError for fewer than three."""
+def known_instants(case: Case, measured: dict[str, pd.DataFrame], column: str) -> np.ndarray:
+    """Instants (n,) at which every side and run knows a column."""
     every = [*measured.values(), *(e.table for e in case.effects if e.table is not None)]
-    at = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
-    if at.size < FEWEST:
-        raise StageError(
-            f"the tip vortex exists on all sides at only {at.size} instants; three are needed:"
-            " take pictures of the whole stroke, or of more particles"
-        )
-    return at
+    return np.flatnonzero(np.all([np.isfinite(t[column].to_numpy()) for t in every], axis=0))
 
 
 def compared_instants(
@@ -127,7 +129,7 @@ def compared_instants(
         return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
 
     starts = range(at.size - least + 1)
-    lasts = columns == VORTEX["circulation"][0]
+    lasts = columns == QUANTITIES["circulation"][0]
     return min((at[k:] if lasts else at[k : k + least] for k in starts), key=predicted)
 
 
@@ -144,12 +146,25 @@ def independent_instants(times: np.ndarray, window_s: float) -> float:
 def flow_quantities(
     case: Case, sides: Sides, measured: dict[str, pd.DataFrame]
 ) -> list[ValidatedQuantity]:
-    """Circulation and centre with all their sources, as means over the instants that tell most."""
-    registration, at, out = case.registration, known_instants(case, measured), []
+    """The quantities with all their sources, as means over the instants that tell most.
+
+    The load is one of them where it is known. StageError for fewer than three instants of a vortex.
+    """
+    registration, at, out = case.registration, known_instants(case, measured, "circulation"), []
+    if at.size < FEWEST:
+        raise StageError(
+            f"the tip vortex exists on all sides at only {at.size} instants; three are needed:"
+            " take pictures of the whole stroke, or of more particles"
+        )
     data, clock = measured["data"].loc[at], sides.direct["time"].values
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
     window_s = sides.window_m / float(speed)
-    for name, (columns, unit, label) in VORTEX.items():
+    for name, (columns, unit, label, power) in QUANTITIES.items():
+        if name == "load":
+            # a derivative in time shares its vectors with the instants beside it
+            window_s, at = np.inf, known_instants(case, measured, "load") if sides.load else at[:0]
+        if at.size < FEWEST:
+            continue
         # what grid and masks hide is alike on both sides, which are seen through the same windows
         random = [f"{column}_random_std" for column in columns]
         ours_std, theirs_std = (
@@ -166,8 +181,8 @@ def flow_quantities(
         )
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
-        if name == "circulation":  # goes with the square of the scale
-            seat = 2 * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+        if power:
+            seat = power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
         else:
             turn = place_jacobian(registration.pose, value)
             seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
