@@ -280,6 +280,7 @@ def compare(
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
     quick: Annotated[bool, Parameter(env_var="QUICK", negative="")] = False,
+    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
@@ -289,6 +290,8 @@ def compare(
     ----------
     quick
         Compare the motion only; nothing is solved.
+    coupled
+        Compare the motion that pressure and water make together.
     """
     from pipeline.runs.make import Machine
     from postprocess.lab.command import compare_with
@@ -296,7 +299,7 @@ def compare(
     if dpiv is None:
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
-    run_ = _open(scene, level)
+    run_ = _coupled(scene, level) if coupled else _open(scene, level)
     page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
     print(f"report: {page.resolve()}")
 

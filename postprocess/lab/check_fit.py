@@ -193,6 +193,9 @@ def _parts_sentence(parts: dict[int, str]) -> str:
     )
 
 
+_WATER = "or water bends the finger: COUPLED=1 compares that motion"
+
+
 def check_motion(kinematics: Kinematics, registration: Registration, interval: float) -> list[str]:
     """Sentences on what the law does not explain; `interval` (s): between successive pictures."""
     factor, _, stretch = registration.law.values
@@ -215,15 +218,15 @@ def check_motion(kinematics: Kinematics, registration: Registration, interval: f
             where, why = "behind", "a picture is there twice, or the finger halted"
         return [
             f"from {at:.3f} s of the recording on the finger is {abs(jump) * 1e3:.0f} ms {where}"
-            f" its motion before: {why} (dropped frames); give the part before or behind it as a"
-            " recording of its own"
+            f" its motion before: {why} (dropped frames), so give the part before or behind it as a"
+            f" recording of its own; {_WATER}"
         ]
     if registration.law.misfit > MISFIT * span:
         off = abs(kinematics.splines["bend"](kinematics.high, 1)) * registration.law.misfit
         return [
             f"single pictures lie {np.degrees(off):.1f}° (rms) off the simulation's law of motion,"
             " however it is stretched; check frame_rate_hz, missing pictures, and motion.strokes of"
-            " the scene"
+            f" the scene; {_WATER}"
         ]
     return []
 

@@ -29,6 +29,7 @@ from postprocess.lab.load import with_load
 from postprocess.lab.motion import (
     Case,
     Effect,
+    along_bend,
     at_recorded_motion,
     check_clock,
     difference,
@@ -72,12 +73,16 @@ def compare_with(
     dpiv = read_dpiv(folder)
     if quick and dpiv.kind == "vectors":
         raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
+    if quick and run.scene.coupled:
+        raise StageError("QUICK=1 solves nothing, and COUPLED=1 needs a run; leave one of them out")
     scene, lab = run.scene, run.out / "lab" / dpiv.folder.resolve().name
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
     make(run, "kinematics", machine, quiet)
     lab.mkdir(parents=True, exist_ok=True)
     with exclusive(lab):
-        kinematics = read_kinematics(run.path("kinematics"))
+        if scene.coupled:
+            make(run, "run", machine, quiet)
+        kinematics = motion_of(run)
         bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
         registration, view = registered(dpiv, kinematics, lab / "registration_refused.png")
         case = Case(kinematics, registration, bend_std)
@@ -88,9 +93,8 @@ def compare_with(
             runs[of.name] = one = open_run(
                 scene.folder, scene.level, dict(run.overrides) | values, out
             )
-            make(one, "kinematics", machine, quiet=True)
-            changed = read_kinematics(one.path("kinematics"))
-            case.effects.append(Effect(of, *difference(kinematics, changed)))
+            make(one, "run" if scene.coupled else "kinematics", machine, quiet=True)
+            case.effects.append(Effect(of, *difference(kinematics, motion_of(one))))
         if not quick:
             differs = verdicts(_judged(motion_quantities(case)))["motion"] != AGREES
             if dpiv.pressure_csv is not None and differs:
@@ -152,6 +156,12 @@ def _judged(quantities: list[ValidatedQuantity]) -> list[dict[str, Any]]:
     return [judged(q, joint_level(len(quantities))) for q in quantities]
 
 
+def motion_of(run: Run) -> Kinematics:
+    """The motion of a run, with shapes over the pressure, or over the bend of a coupled one."""
+    kinematics = read_kinematics(run.path("kinematics"))
+    return along_bend(kinematics) if run.scene.coupled else kinematics
+
+
 def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) -> Kinematics:
     """The motion that the measured pressure of a CSV and the water make, by a coupled run."""
     if run.scene.model.kind == "2d":
@@ -163,7 +173,7 @@ def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) ->
     values["motion.pressure_csv"] = str(path.resolve())
     one = open_run(run.scene.folder, run.scene.level, values, out)
     make(one, "run", machine, quiet)
-    return read_kinematics(one.path("kinematics"))
+    return motion_of(one)
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:

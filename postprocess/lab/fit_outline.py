@@ -237,7 +237,8 @@ def fit_outline(
     if middle.min() < 1 or middle.max() > TABLE - 2:
         raise StageError(
             f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
-            " give the simulation the recording's pressure (motion.strokes in scene.toml)"
+            " give the simulation the recording's pressure (motion.strokes in scene.toml), or"
+            " compare the motion that water bends further (COUPLED=1)"
         )
     return samples
 

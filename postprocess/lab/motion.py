@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
 from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics
+from fileio.formats.kinematics import SHAPE, Kinematics
 from fileio.formats.plane_series import usable
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
@@ -30,6 +31,7 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 # Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
 # shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
 CLEARLY = 1.25
+APART = 0.01  # of the largest bend: between two shapes of a coupled motion
 STEP = 1e-3  # s, over which the outline's velocity is taken
 
 
@@ -99,6 +101,30 @@ def stroke_duration(kinematics: Kinematics) -> float:
     done = np.maximum.accumulate(np.abs(bend - bend[0])) / np.abs(bend - bend[0]).max()
     first, last = (float(times[np.argmax(done >= part)]) for part in PARTS)
     return last - first
+
+
+def along_bend(motion: Kinematics) -> Kinematics:
+    """A motion whose shapes are known over time, as a coupled one's, with shapes over its bend.
+
+    The parameter is the angle (rad) by which the finger has bent. The shapes are those of the way
+    to the largest bend: a finger that swings back is taken to have them again.
+    """
+    bend = motion.data["shape_bend"].values
+    angle = (bend - bend[0]) * np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
+    reached = np.maximum.accumulate(np.concatenate([[-np.inf], angle[:-1]]))
+    way, last = [0], 0.0
+    for k in np.flatnonzero(angle > reached):
+        if angle[k] >= last + APART * angle.max():
+            way.append(int(k))
+            last = angle[k]
+    data = motion.data.isel({SHAPE: way}).assign_coords({SHAPE: angle[way]})
+    splines = {
+        name: CubicSpline(angle[way], of_time(of_time.x[way]))
+        for name, of_time in motion.splines.items()
+    }
+    times = np.unique([*motion.law.x])
+    seen = np.abs(motion.bend(motion.law(times)) - bend[0])
+    return replace(motion, data=data, law=CubicSpline(times, seen), splines=splines)
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
+from fileio.formats.kinematics import SHAPE
 from fileio.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
 from postprocess.lab.fit_outline import law_pressure
@@ -16,6 +18,7 @@ from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.motion import (
     Case,
     Effect,
+    along_bend,
     at_recorded_motion,
     check_clock,
     difference,
@@ -75,6 +78,31 @@ def test_another_motion_differs_by_its_bend_and_duration(case, tmp_path):
     assert duration == pytest.approx(-0.1 * stroke_duration(case.kinematics), rel=0.02)
     at_pressure = motion_quantities(case, (bend, duration))
     assert at_pressure[0].simulation == pytest.approx(bent, rel=1e-3)
+
+
+def test_a_motion_that_swings_back_is_known_over_its_bend(case):
+    """As of a coupled run: shapes over time; the bend overshoots and returns."""
+    own, times = case.kinematics, np.linspace(0.0, 0.42, 85)
+    pressure = 20e3 * (1 - np.cos(2 * np.pi * times / 0.7)) / 2 * (1 + 0.2 * times)
+    shapes = {name: own.shape(name, pressure) for name in own.splines}
+    rows = {f"shape_{n}": (own.data[f"shape_{n}"].dims, v) for n, v in shapes.items()}
+    over_time = replace(
+        own,
+        data=own.data.drop_dims(SHAPE).assign(rows).assign_coords({SHAPE: times}),
+        law=CubicSpline(times, times),
+        splines={name: CubicSpline(times, values) for name, values in shapes.items()},
+    )
+    made = along_bend(over_time)
+    assert made.low == 0
+    assert (np.diff(made.data["shape_bend"]) > 0).all()
+    assert made.high == pytest.approx(np.ptp(shapes["bend"]), rel=1e-3)
+    at = np.linspace(0.05, 0.42, 50)
+    # shapes lie a hundredth of the bend apart: 1 mm at the tip, to fourth order
+    np.testing.assert_allclose(
+        made.shape("outline", made.law(at)), own.shape("outline", CubicSpline(times, pressure)(at)),
+        atol=2e-5,
+    )  # fmt: skip
+    assert final_bend(made) == pytest.approx(float(shapes["bend"][-1]), rel=1e-3)
 
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
