@@ -30,6 +30,7 @@ QUANTITIES = {  # columns, unit, label, power of the scale with which a value go
     "load": (("load",), "N", "moment of the water on the finger, per metre of depth", 4),
 }
 FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
+SHARED = 9  # fields whose vectors a derivative in time shares, as a rule: loads beside each other
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
 # it may differ by as much
 UNLIKE = 1 / 3
@@ -117,7 +118,7 @@ def compared_instants(
 
     That is what PIV changes of it, `random`, the vectors' scatter (component,), and the effect of
     the numerics. A circulation lasts: all from one instant on. A place does not, since errors of a
-    path grow: a third of the instants.
+    path grow: a third of the instants. Of a load, which changes its sign, in parts of itself.
     """
     least = max(FEWEST, int(LEAST * at.size))
     times, names = measured["data"]["time"].to_numpy(), list(columns)
@@ -126,7 +127,9 @@ def compared_instants(
     def predicted(rows: np.ndarray) -> float:
         noise = random / np.sqrt(independent_instants(times[rows], window_s))
         parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), noise]
-        return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
+        most = float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
+        mean = abs(measured["direct"].loc[rows, names].mean().iloc[0])
+        return most / max(mean, 1e-30) if columns == QUANTITIES["load"][0] else most
 
     starts = range(at.size - least + 1)
     lasts = columns == QUANTITIES["circulation"][0]
@@ -161,8 +164,8 @@ def flow_quantities(
     window_s = sides.window_m / float(speed)
     for name, (columns, unit, label, power) in QUANTITIES.items():
         if name == "load":
-            # a derivative in time shares its vectors with the instants beside it
-            window_s, at = np.inf, known_instants(case, measured, "load") if sides.load else at[:0]
+            window_s = SHARED * float(np.median(np.diff(clock)))
+            at = known_instants(case, measured, "load") if sides.load else at[:0]
         if at.size < FEWEST:
             continue
         # what grid and masks hide is alike on both sides, which are seen through the same windows
@@ -179,6 +182,8 @@ def flow_quantities(
             measured[side].loc[rows, list(columns)].to_numpy(float)
             for side in ("virtual", "direct", "data")
         )
+        if name == "load":  # its stated uncertainty is wider than what it scatters
+            variance = excess_scatter(times, ours - theirs, 0 * variance) ** 2
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
         if power:

@@ -31,6 +31,7 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 # Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
 # shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
 CLEARLY = 1.25
+TABLE = 301  # shapes among which the nearest is sought
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
 STEP = 1e-3  # s, over which the outline's velocity is taken
 
@@ -107,7 +108,8 @@ def along_bend(motion: Kinematics) -> Kinematics:
     """A motion whose shapes are known over time, as a coupled one's, with shapes over its bend.
 
     The parameter is the angle (rad) by which the finger has bent. The shapes are those of the way
-    to the largest bend: a finger that swings back is taken to have them again.
+    to the largest bend; at each instant the law names that which is nearest in its outline, as the
+    registration does. On the way it is the very shape, while the finger swings back another.
     """
     bend = motion.data["shape_bend"].values
     angle = (bend - bend[0]) * np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
@@ -122,9 +124,21 @@ def along_bend(motion: Kinematics) -> Kinematics:
         name: CubicSpline(angle[way], of_time(of_time.x[way]))
         for name, of_time in motion.splines.items()
     }
-    times = np.unique([*motion.law.x])
-    seen = np.abs(motion.bend(motion.law(times)) - bend[0])
-    return replace(motion, data=data, law=CubicSpline(times, seen), splines=splines)
+    table, times = np.linspace(0.0, angle[way[-1]], TABLE), motion.law.x
+    outlines = splines["outline"](table)
+    nearest = [_nearest(table, outlines, motion.shape("outline", motion.law(t))) for t in times]
+    return replace(motion, data=data, law=CubicSpline(times, nearest), splines=splines)
+
+
+def _nearest(values: np.ndarray, outlines: np.ndarray, own: np.ndarray) -> float:
+    """The value whose outline (point, 2) is nearest to `own`, across it, to second order."""
+    along = np.roll(own, -1, axis=0) - np.roll(own, 1, axis=0)
+    across = (outlines - own) @ np.array([[0.0, -1.0], [1.0, 0.0]]) * along
+    square = np.mean((across.sum(axis=-1) / np.hypot(*along.T)) ** 2, axis=-1)
+    k = min(max(int(np.argmin(square)), 1), len(values) - 2)
+    low, middle, high = square[k - 1 : k + 2]
+    part = np.clip(0.5 * (low - high) / (low - 2 * middle + high), -1.0, 1.0)
+    return float(values[k] + part * (values[1] - values[0]))
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
