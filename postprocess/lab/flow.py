@@ -27,7 +27,7 @@ COLUMNS = ("circulation", "x", "y")
 QUANTITIES = {  # columns, unit, label, power of the scale with which a value goes (0: a place)
     "circulation": (("circulation",), "m²/s", "circulation of the tip vortex", 2),
     "centre": (("x", "y"), "m", "centre of the tip vortex", 0),
-    "load": (("load",), "N", "moment of the water on the finger, per metre of depth", 4),
+    "load": (("load",), "N m/m", "moment of the water on the finger, per depth", 4),
 }
 FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
 SHARED = 9  # fields whose vectors a derivative in time shares, as a rule: loads beside each other
