@@ -56,6 +56,7 @@ PLANES = 42  # of a run that varies an input: its effect changes slowly
 TO_SOLVE = ("kinematics", "mesh", "case", "run")
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
 SEED = 1  # of the registration's samples
+SMOOTHING = 0.01  # s, of a measured pressure: less than the scene's, which makes ramps soft
 MARGIN = 0.008  # m of the sheet beyond the picture
 View = tuple[float, float, float, float]
 
@@ -170,7 +171,7 @@ def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) ->
             " coupled run; take LEVEL=draft or finer, or leave the key out"
         )
     values = dict(run.overrides) | {"motion.source": "structure", "motion.strokes": []}
-    values["motion.pressure_csv"] = str(path.resolve())
+    values |= {"motion.pressure_csv": str(path.resolve()), "motion.smoothing": SMOOTHING}
     one = open_run(run.scene.folder, run.scene.level, values, out)
     make(one, "run", machine, quiet)
     return motion_of(one)

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from fileio.errors import StageError
 from fileio.formats.kinematics import SHAPE, Kinematics
 from fileio.formats.plane_series import usable
-from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.fit_outline import REACH, law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.register import Registration
 from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
@@ -31,6 +31,7 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 # Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
 # shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
 CLEARLY = 1.25
+AT_PRESSURE = 0.015  # standard uncertainty of a coupled run at a measured pressure, of its values
 TABLE = 301  # shapes among which the nearest is sought
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
 STEP = 1e-3  # s, over which the outline's velocity is taken
@@ -144,13 +145,15 @@ def _nearest(values: np.ndarray, outlines: np.ndarray, own: np.ndarray) -> float
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
     """By how much final bend (rad) and duration (s) of another motion exceed the nominal ones.
 
-    Those of the nominal law whose bend, shifted and stretched in time, is nearest to the other's.
+    Those of the nominal law, shifted and stretched, whose shapes are nearest to the other's.
     """
-    times = np.linspace(*nominal.time, 201)
-    wanted = other.bend(other.law(np.clip(times, *other.time)))
-    scale = np.ptp(nominal.bend(nominal.law(times)))
+    times, span = np.linspace(*nominal.time, 101), nominal.high - nominal.low
+    table = np.linspace(nominal.low - REACH * span, nominal.high + REACH * span, TABLE)
+    outlines = nominal.shape("outline", table)
+    shapes = other.shape("outline", other.law(np.clip(times, *other.time)))
+    wanted = np.array([_nearest(table, outlines, shape) for shape in shapes])
     fit = least_squares(
-        lambda values: (nominal.bend(law_pressure(nominal, times, values)) - wanted) / scale,
+        lambda values: (law_pressure(nominal, times, values) - wanted) / span,
         (1.0, 0.0, 1.0),
         x_scale=(0.01, 0.001, 0.01),
     )
@@ -212,6 +215,9 @@ def motion_quantities(
         if case.bend_std and name == "final_bend":
             band = np.array([case.bend_std])
             sources.append(Source("geometry and material", "input", band, "FEA's band"))
+        if any(moved):
+            part = np.array([AT_PRESSURE * seen])
+            sources.append(Source("sensor and coupled run", "input", part, "assumed"))
         both = np.array([simulated + more]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out

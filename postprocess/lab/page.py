@@ -169,9 +169,9 @@ def _by_pressure(made: list[Quantity] | None) -> str:
         return ""
     moved = " and ".join(f"{pair(q['simulation'], q['unit'])} ({q['label']})" for q in made)
     text = f"With the measured pressure a coupled run has {moved}"
-    if any(q["verdict"] in (ERROR, DIFFERS) for q in made):
+    if any(q["verdict"] == ERROR for q in made):
         return (
-            f"{text}, and the recording not: the structure is to blame (motion.states,"
+            f"{text}, unlike the recording: the structure is to blame (motion.states,"
             " structure.bending_stiffness)."
         )
     return f"{text}, as the recording: pressure and water explain it, motion.strokes do not."

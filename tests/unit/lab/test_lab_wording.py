@@ -75,7 +75,7 @@ def test_a_motion_that_is_to_blame_is_named():
     "made, said",
     [
         (STRAIGHT, "has 91.9\u00a0° (final bend), as the recording: pressure and water explain it"),
-        (BEND, "has 87.2\u00a0° (final bend), and the recording not: the structure is to blame"),
+        (BEND, "has 87.2\u00a0° (final bend), unlike the recording: the structure is to blame"),
     ],
 )
 def test_a_run_at_the_measured_pressure_tells_pressure_from_structure(made, said):
