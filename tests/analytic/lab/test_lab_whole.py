@@ -74,7 +74,7 @@ def analytic_sheet(run, view, path, quiet, most=None):
     times = TIMES[:40] + 0.003 if run.out.name == "grid" else TIMES  # another end, other instants
     sheet = vortex_series(kinematics, times, spacing=SPACING).sel(x=slice(x0, x1), y=slice(y0, y1))
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_plane(sheet, path)
+    write_plane(sheet.assign(p=0 * sheet["u"]), path)
 
 
 def measured_by(run, gain: float = 1.0):
