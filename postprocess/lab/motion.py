@@ -257,6 +257,6 @@ def check_clock(case: Case, sides: Sides, path: Path) -> None:
         raise StageError(
             f"the water beside the finger moves about {ratio:.2g} times as fast as the"
             " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
-            " pairs per second) or piv.interval_s is wrong by about this factor, or the motion differs"
-            f" in more than bend and duration; correct it in {path}"
+            " pairs per second) or piv.interval_s is wrong by about this factor, or the motion"
+            f" differs in more than bend and duration; correct it in {path}"
         )
