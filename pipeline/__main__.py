@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -83,8 +83,9 @@ def run(
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
-    others = {"another mode": len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
+    others = {" and ".join(modes[1:]): len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
     others |= {"HOSTS": hosts is not None}
+    others |= {"LEVEL, which it chooses": bool(accuracy or budget) and level != "coarse"}
     if not coupled:  # which is one run of its own
         others |= {"one stage": until != "report", "--dry-run": dry_run}
     if modes and (other := next((name for name, value in others.items() if value), "")):
@@ -323,9 +324,9 @@ def openfoam() -> None:
 
 
 @app.command
-def completion(shell: Annotated[str, Parameter(help="bash, zsh or fish.")]) -> None:
+def completion(shell: Literal["bash", "zsh", "fish"]) -> None:
     """Print the completion of a shell: eval "$(softfinger completion bash)"."""
-    print(app.generate_completion(shell=shell))  # type: ignore[arg-type]
+    print(app.generate_completion(shell=shell))
 
 
 @app.command(show=False)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import pandas as pd
 
 from fileio.formats.vortex_table import write_vortices
 from piv.commands.settings import add_fields, add_paths, build, run_with
@@ -56,7 +56,7 @@ def make(
             f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
             f"within a radius of {strongest['radius']:.3g} {length}"
         )
-        if np.isfinite(strongest["circulation_fit"]):
+        if pd.notna(strongest["circulation_fit"]):
             text += f", by a Lamb-Oseen fit {strongest['circulation_fit']:.3g} {unit} in all"
     print(text)
 

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from fileio.formats.plane_series import make_plane, write_plane
@@ -77,6 +78,20 @@ def test_settings_in_memory(tmp_path):
     for command in (vortices, render):
         with pytest.raises(ValueError, match="unknown setting 'colour'"):
             command.make(tmp_path / "piv.h5", tmp_path / "out", {"colour": 1})
+
+
+def test_a_vortex_without_a_fit_has_its_line(tmp_path, capsys, monkeypatch):
+    """As of weak vortices in noise: the columns of the fit are empty."""
+    found = vortices.tabulate_vortices
+
+    def without_fit(*args, **options):
+        table = found(*args, **options)
+        return table.assign(circulation_fit=pd.array([pd.NA] * len(table), "Float64"))
+
+    monkeypatch.setattr(vortices, "tabulate_vortices", without_fit)
+    write_series(tmp_path / "piv.h5")
+    assert piv("vortices", tmp_path / "piv.h5", "-o", tmp_path / "v.csv") == 0
+    assert "by a Lamb-Oseen fit" not in capsys.readouterr().out
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):
