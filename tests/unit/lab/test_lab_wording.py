@@ -49,6 +49,7 @@ def result(*quantities, missing=(), at_pressure=None):
         "missing_runs": list(missing),
         "registration": law,
         "at_pressure": at_pressure,
+        "no_load": "The moment of the water is not compared.",
     }
 
 
