@@ -76,6 +76,9 @@ def compare_with(
         raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
     if quick and run.scene.coupled:
         raise StageError("QUICK=1 solves nothing, and COUPLED=1 needs a run; leave one of them out")
+    pressure = dpiv.folder / dpiv.pressure_csv if dpiv.pressure_csv else None
+    if pressure is not None and not pressure.is_file():
+        raise StageError(f"{dpiv.folder / NAME}: pressure_csv = {dpiv.pressure_csv}: no such file")
     scene, lab = run.scene, run.out / "lab" / dpiv.folder.resolve().name
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
     make(run, "kinematics", machine, quiet)
@@ -83,7 +86,8 @@ def compare_with(
     with exclusive(lab):
         if scene.coupled:
             make(run, "run", machine, quiet)
-        kinematics = motion_of(run)
+        kinematics = read_kinematics(run.path("kinematics"))
+        kinematics = along_bend(kinematics) if scene.coupled else kinematics
         bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
         registration, view = registered(dpiv, kinematics, lab / "registration_refused.png")
         case = Case(kinematics, registration, bend_std)
@@ -95,18 +99,20 @@ def compare_with(
                 scene.folder, scene.level, dict(run.overrides) | values, out
             )
             make(one, "run" if scene.coupled else "kinematics", machine, quiet=True)
-            case.effects.append(Effect(of, *difference(kinematics, motion_of(one))))
+            changed = read_kinematics(one.path("kinematics"))
+            case.effects.append(Effect(of, *difference(kinematics, changed)))
         if not quick:
-            differs = verdicts(_judged(motion_quantities(case)))["motion"] != AGREES
-            if dpiv.pressure_csv is not None and differs:
-                path = dpiv.folder / dpiv.pressure_csv
-                moved = motion_at(path, run, lab / "at_pressure", machine, quiet)
+            agrees = verdicts(_judged(motion_quantities(case)))["motion"] == AGREES
+            # the water of a plane flow is too heavy
+            if pressure is not None and scene.model.kind != "2d" and not agrees:
+                moved = motion_at(pressure, run, lab / "at_pressure", machine, quiet)
                 case = replace(case, at_pressure=difference(kinematics, moved))
             case = _with_flow(case, run, runs, lab, dpiv, view, machine, quiet)
         result, series = compare(case)
         missing = {"pressure", "duration", *(of.name for of in beside)} - set(runs)
         result |= {
             "missing_runs": sorted(missing),
+            "pressure_unused": pressure is not None and case.at_pressure is None,
             "scene": scene.name,
             "level": scene.level,
             "data": dpiv.title,
@@ -157,24 +163,13 @@ def _judged(quantities: list[ValidatedQuantity]) -> list[dict[str, Any]]:
     return [judged(q, joint_level(len(quantities))) for q in quantities]
 
 
-def motion_of(run: Run) -> Kinematics:
-    """The motion of a run, with shapes over the pressure, or over the bend of a coupled one."""
-    kinematics = read_kinematics(run.path("kinematics"))
-    return along_bend(kinematics) if run.scene.coupled else kinematics
-
-
 def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) -> Kinematics:
     """The motion that the measured pressure of a CSV and the water make, by a coupled run."""
-    if run.scene.model.kind == "2d":
-        raise StageError(
-            f"pressure_csv: level {run.scene.level} is a plane flow, whose water is too heavy for a"
-            " coupled run; take LEVEL=draft or finer, or leave the key out"
-        )
     values = dict(run.overrides) | {"motion.source": "structure", "motion.strokes": []}
     values |= {"motion.pressure_csv": str(path.resolve()), "motion.smoothing": SMOOTHING}
     one = open_run(run.scene.folder, run.scene.level, values, out)
     make(one, "run", machine, quiet)
-    return motion_of(one)
+    return read_kinematics(one.path("kinematics"))
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,10 +25,27 @@ from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
 
 COLUMNS = ("circulation", "x", "y")
-QUANTITIES = {  # columns, unit, label, power of the scale with which a value goes (0: a place)
-    "circulation": (("circulation",), "m²/s", "circulation of the tip vortex", 2),
-    "centre": (("x", "y"), "m", "centre of the tip vortex", 0),
-    "load": (("load",), "N m/m", "moment of the water on the finger, per depth", 4),
+
+
+class Measured(NamedTuple):
+    """A quantity of the flow: its columns of a table, and how its instants are chosen."""
+
+    columns: tuple[str, ...]
+    unit: str
+    label: str
+    power: int  # of the scale, with which its values go; 0: a place
+    lasts: bool = False  # compared at all instants from one on, in place of a third of them
+    relative: bool = False  # where its uncertainty is least in parts of it, since its sign changes
+
+
+QUANTITIES = {
+    "circulation": Measured(
+        ("circulation",), "m²/s", "circulation of the tip vortex", 2, lasts=True
+    ),
+    "centre": Measured(("x", "y"), "m", "centre of the tip vortex", 0),
+    "load": Measured(
+        ("load",), "N m/m", "moment of the water on the finger, per depth", 4, relative=True
+    ),
 }
 FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
 SHARED = 9  # fields whose vectors a derivative in time shares, as a rule: loads beside each other
@@ -110,17 +128,17 @@ def compared_instants(
     case: Case,
     measured: dict[str, pd.DataFrame],
     at: np.ndarray,
-    columns: tuple[str, ...],
+    quantity: Measured,
     random: np.ndarray,
     window_s: float,
 ) -> np.ndarray:
     """The instants of `at` that tell most of a quantity: those of least predicted uncertainty.
 
     That is what PIV changes of it, `random`, the vectors' scatter (component,), and the effect of
-    the numerics. A circulation lasts: all from one instant on. A place does not, since errors of a
-    path grow: a third of the instants. Of a load, which changes its sign, in parts of itself.
+    the numerics. A circulation lasts; of a place a third of the instants, since errors of a path
+    grow.
     """
-    least = max(FEWEST, int(LEAST * at.size))
+    columns, least = quantity.columns, max(FEWEST, int(LEAST * at.size))
     times, names = measured["data"]["time"].to_numpy(), list(columns)
     changed = (measured["virtual"] - measured["direct"])[names].to_numpy(float)
 
@@ -129,11 +147,11 @@ def compared_instants(
         parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), noise]
         most = float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
         mean = abs(measured["direct"].loc[rows, names].mean().iloc[0])
-        return most / max(mean, 1e-30) if columns == QUANTITIES["load"][0] else most
+        return most / max(mean, 1e-30) if quantity.relative else most
 
     starts = range(at.size - least + 1)
-    lasts = columns == QUANTITIES["circulation"][0]
-    return min((at[k:] if lasts else at[k : k + least] for k in starts), key=predicted)
+    ends = (None if quantity.lasts else k + least for k in starts)
+    return min((at[k:end] for k, end in zip(starts, ends, strict=True)), key=predicted)
 
 
 def independent_instants(times: np.ndarray, window_s: float) -> float:
@@ -153,21 +171,24 @@ def flow_quantities(
 
     The load is one of them where it is known. StageError for fewer than three instants of a vortex.
     """
-    registration, at, out = case.registration, known_instants(case, measured, "circulation"), []
-    if at.size < FEWEST:
+    registration, out = case.registration, []
+    seen = known_instants(case, measured, "circulation")
+    if seen.size < FEWEST:
         raise StageError(
-            f"the tip vortex exists on all sides at only {at.size} instants; three are needed:"
+            f"the tip vortex exists on all sides at only {seen.size} instants; three are needed:"
             " take pictures of the whole stroke, or of more particles"
         )
-    data, clock = measured["data"].loc[at], sides.direct["time"].values
+    data, clock = measured["data"].loc[seen], sides.direct["time"].values
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
-    window_s = sides.window_m / float(speed)
-    for name, (columns, unit, label, power) in QUANTITIES.items():
-        if name == "load":
-            window_s = SHARED * float(np.median(np.diff(clock)))
-            at = known_instants(case, measured, "load") if sides.load else at[:0]
+    for name, one in QUANTITIES.items():
+        if name == "load" and not sides.load:
+            continue
+        columns, at = one.columns, known_instants(case, measured, one.columns[0])
         if at.size < FEWEST:
             continue
+        window_s = sides.window_m / float(speed)
+        if name == "load":
+            window_s = SHARED * float(np.median(np.diff(clock)))
         # what grid and masks hide is alike on both sides, which are seen through the same windows
         random = [f"{column}_random_std" for column in columns]
         ours_std, theirs_std = (
@@ -175,7 +196,7 @@ def flow_quantities(
             for side in ("virtual", "data")
         )
         variance = ours_std**2 + theirs_std**2
-        rows = compared_instants(case, measured, at, columns, np.sqrt(variance), window_s)
+        rows = compared_instants(case, measured, at, one, np.sqrt(variance), window_s)
         times = clock[rows]
         alike = independent_instants(times, window_s)
         ours, direct, theirs = (
@@ -186,8 +207,8 @@ def flow_quantities(
             variance = excess_scatter(times, ours - theirs, 0 * variance) ** 2
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
-        if power:
-            seat = power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+        if one.power:
+            seat = one.power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
         else:
             turn = place_jacobian(registration.pose, value)
             seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
@@ -205,8 +226,8 @@ def flow_quantities(
         added = sum((e.moves(columns, rows) for e in case.finer), np.zeros(len(columns)))
         quantity = ValidatedQuantity(
             name,
-            label,
-            unit,
+            one.label,
+            one.unit,
             ours.mean(axis=0) + added,
             value,
             case.kinematics.tip_width if name == "centre" else float(abs(value[0])),

@@ -33,6 +33,7 @@ PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 CLEARLY = 1.25
 AT_PRESSURE = 0.015  # standard uncertainty of a coupled run at a measured pressure, of its values
 TABLE = 301  # shapes among which the nearest is sought
+BACK = 0.05  # of the largest bend, to the other side: beyond its shapes they go on straight
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
 STEP = 1e-3  # s, over which the outline's velocity is taken
 
@@ -111,9 +112,15 @@ def along_bend(motion: Kinematics) -> Kinematics:
     The parameter is the angle (rad) by which the finger has bent. The shapes are those of the way
     to the largest bend; at each instant the law names that which is nearest in its outline, as the
     registration does. On the way it is the very shape, while the finger swings back another.
+    StageError for a finger that bends to both sides.
     """
     bend = motion.data["shape_bend"].values
     angle = (bend - bend[0]) * np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
+    if angle.min() < -BACK * angle.max():
+        raise StageError(
+            "COUPLED=1 compares a finger that bends to one side, and this one bends to both; cut"
+            " the scene's strokes and the recording"
+        )
     reached = np.maximum.accumulate(np.concatenate([[-np.inf], angle[:-1]]))
     way, last = [0], 0.0
     for k in np.flatnonzero(angle > reached):

@@ -108,7 +108,7 @@ def answer(result: dict[str, Any]) -> str:
     parts += [_evidence(motion), _evidence(flow)]
     if moves in (ERROR, DIFFERS):
         parts.append(_cause_of_motion(moves, result["registration"]))
-        parts.append(_by_pressure(result["at_pressure"]))
+        parts.append(_by_pressure(result["at_pressure"], result["pressure_unused"]))
     if wrong:
         parts.append(_blame_of_flow(moves, wrong))
     if flow and (missing := result["missing_runs"]):
@@ -163,8 +163,13 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
     )
 
 
-def _by_pressure(made: list[Quantity] | None) -> str:
+def _by_pressure(made: list[Quantity] | None, unused: bool) -> str:
     """Whether the measured pressure explains the motion; `made`: of a coupled run with it."""
+    if unused:
+        return (
+            "Whether pressure or structure is to blame needs a coupled run at the measured"
+            " pressure: compare at LEVEL=draft or finer, without QUICK=1."
+        )
     if made is None:
         return ""
     moved = " and ".join(f"{pair(q['simulation'], q['unit'])} ({q['label']})" for q in made)

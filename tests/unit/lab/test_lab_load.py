@@ -27,28 +27,27 @@ def case(tmp_path_factory):
     return Case(kinematics, registration, 0.0)
 
 
-def sides(case, gain, rate):
-    """A recording's flow, `gain` times the simulation's, at a rate (Hz); the simulation's sheet."""
+def sides(case, rate):
+    """Equal flows of recording and simulation at a rate (Hz); a sheet of no pressure."""
     times, pose = 0.10 + np.arange(9) / rate, case.registration.pose
     x, y = np.arange(0.0, 0.15, 2e-3), np.arange(0.0, 0.128, 2e-3)
-    flows = [vortex_series(case.kinematics, times, gain=g, spacing=2e-3) for g in (gain, 1.0)]
-    std = np.full(flows[0]["u"].shape, 2e-3, np.float32)
-    seen = [camera_series(flow, pose, x, y, times) for flow in flows]
-    seen = [s.assign({n: (AXES[n], std[:, :1, :1] + 0 * s["u"].values) for n in ("u_std", "v_std")})
-            for s in seen]  # fmt: skip
-    sheet = flows[1].assign(p=(AXES["p"], np.zeros(std.shape)))
-    return Sides(*seen, seen[1], VortexSettings(scale=4e-3), 0.006), sheet
+    flow = vortex_series(case.kinematics, times, spacing=2e-3)
+    seen = camera_series(flow, pose, x, y, times)
+    std = np.full(seen["u"].shape, 2e-3, np.float32)
+    seen = seen.assign({n: (AXES[n], std) for n in ("u_std", "v_std")})
+    sheet = flow.assign(p=0 * flow["u"])
+    return Sides(seen, seen, seen, VortexSettings(scale=4e-3), 0.006), sheet
 
 
 def test_a_rate_that_gives_no_pressure_is_named(case):
-    slow, sheet = sides(case, 1.0, 50.0)
+    slow, sheet = sides(case, 50.0)
     made = with_load(slow, case, sheet, *FLUID)
     assert made.load == {}
     assert made.no_load.startswith("The moment of the water is not compared: between two fields")
 
 
 def test_equal_flows_have_equal_moments(case):
-    same, sheet = sides(case, 1.0, 250.0)
+    same, sheet = sides(case, 250.0)
     equal = with_load(same, case, sheet, *FLUID).load
     pd.testing.assert_frame_equal(equal["data"], equal["virtual"])
     np.testing.assert_allclose(equal["direct"]["load"], 0.0, atol=1e-12)  # of a sheet with p = 0
@@ -58,7 +57,7 @@ def test_equal_flows_have_equal_moments(case):
 
 
 def test_it_is_a_row_where_three_instants_know_it(case):
-    flow, sheet = sides(case, 1.0, 250.0)
+    flow, sheet = sides(case, 250.0)
     loaded = with_load(flow, case, sheet, *FLUID)
     for side, names in ((flow, ["circulation", "centre"]), (loaded, [*QUANTITIES])):
         rows = flow_quantities(case, side, tables(case, side))

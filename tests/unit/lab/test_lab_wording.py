@@ -49,6 +49,7 @@ def result(*quantities, missing=(), at_pressure=None):
         "missing_runs": list(missing),
         "registration": law,
         "at_pressure": at_pressure,
+        "pressure_unused": False,
         "no_load": "The moment of the water is not compared.",
     }
 
@@ -83,6 +84,11 @@ def test_a_run_at_the_measured_pressure_tells_pressure_from_structure(made, said
     assert f"With the measured pressure a coupled run {said}" in answer(
         result(BEND, SAME, at_pressure=[made])
     )
+
+
+def test_a_measured_pressure_that_no_run_took_is_named():
+    text = answer(result(BEND, SAME) | {"pressure_unused": True})
+    assert "needs a coupled run at the measured pressure: compare at LEVEL=draft" in text
 
 
 def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
