@@ -18,6 +18,7 @@ PIP       = $1/bin/python -m pip install -q --disable-pip-version-check --requir
 SCENES   := $(notdir $(patsubst %/scene.toml,%,$(wildcard cases/*/scene.toml)))
 SWITCHES := $(VALUES) SCENE STUDY DOCS PYTHON WM_PROJECT_DIR MAKEFLAGS
 TYPED    := $(foreach v,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $v))),$v))
+export TYPED
 UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
 
@@ -44,7 +45,7 @@ $(READY): requirements.lock pipeline/setup.sh pipeline/command.sh
 	@sh pipeline/setup.sh
 	@touch $@
 
-$(SCENES): $(READY) $(if $(SLURM),.venv-study/.ready)
+$(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)
 	@$(RUN) run cases/$@
 
 # Anything else: a stage of a scene, or a name that the program answers.

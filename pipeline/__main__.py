@@ -23,6 +23,7 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 MAKE_VALUES = ["LEVEL", "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET"]
 MAKE_VALUES += ["SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES"]
 MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK"]
+SLURM_VALUES = {"NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES"}
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
 app = App(
@@ -213,19 +214,22 @@ def view(
     level: Level = "coarse",
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
+    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
     whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False,
 ) -> None:
     """Write a run as a time series for ParaView.
 
     Parameters
     ----------
+    coupled
+        The run in which pressure and water make the motion together.
     whole
         Mirror at the planes of symmetry: the whole tank.
     """
     from pipeline.runs.make import Machine, make
     from pipeline.view.command import view as write
 
-    made = _open(scene, level)
+    made = _coupled(scene, level) if coupled else _open(scene, level)
     make(made, "run", Machine(ranks, min(ranks, CORES)), quiet)
     write(made.scene, whole, quiet)
 
@@ -338,9 +342,9 @@ def target(name: str) -> None:
     scene, _, stage = name.rpartition(".")
     known = [path.parent.name for path in Path("cases").glob("*/scene.toml")]
     if scene in known and stage == "view":
-        app(["view", f"cases/{scene}"])
+        _call(["view", f"cases/{scene}"])
     elif scene in known and stage in TARGETS:
-        app(["run", f"cases/{scene}", "--until", stage])
+        _call(["run", f"cases/{scene}", "--until", stage])
     else:
         words = [f"{one}.{stage_}" for one in known for stage_ in (*TARGETS, "view")]
         near = suggestion(name, [*known, *words])
@@ -430,21 +434,41 @@ def _slurm_place() -> list[str]:
     )
 
 
+def _call(words: list[str] | None) -> None:
+    """Run a command; a value of make that it does not use is an error."""
+    command: Callable[..., Any]
+    try:
+        command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        raise StageError(" ".join(str(error).split())) from None
+    working()
+    slurm = bool(bound.arguments.get("slurm"))
+    used = {name for hint in _hints(command) for name in hint.env_var or ()}
+    used |= {"NP", "SNAKEFLAGS"} if slurm or command in (study, tradeoff) else set()
+    used |= SLURM_VALUES if slurm else set()
+    typed = [name for name in os.environ.get("TYPED", "").split() if name in MAKE_VALUES]
+    if command is not target and (unused := [name for name in typed if name not in used]):
+        remedy = "add SLURM=1" if set(unused) <= SLURM_VALUES and "SLURM" in used else "omit it"
+        raise StageError(f"{command.__name__} does not use {' and '.join(unused)}; {remedy}")
+    command(*bound.args, **bound.kwargs)
+
+
+def _hints(command: Callable[..., Any]) -> list[Parameter]:
+    """The Parameter of each argument of a command."""
+    hints = getattr(command, "__annotations__", {}).values()
+    return [note for hint in hints for note in getattr(hint, "__metadata__", ())]
+
+
 def main(words: list[str] | None = None) -> int:
     """Command line; returns the exit code."""
     importing()
-    for name in MAKE_VALUES:  # only make's own, which passes omitted values as empty ones
+    # only make's own, which passes omitted values as empty ones
+    for name in [*MAKE_VALUES, "TYPED"]:
         if "MAKELEVEL" not in os.environ or not os.environ.get(name):
             os.environ.pop(name, None)
 
     def action() -> int:
-        command: Callable[..., Any]
-        try:
-            command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
-        except CycloptsError as error:
-            raise StageError(" ".join(str(error).split())) from None
-        working()
-        command(*bound.args, **bound.kwargs)
+        _call(words)
         return 0
 
     return guarded("", action, strict=True)

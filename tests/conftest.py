@@ -1,5 +1,6 @@
 """Shared fixtures: small scenes made from the shipped ones."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from pipeline.mesh import stage as mesh
 from pipeline.scene.scene import Scene, load_scene
 
 ROOT = Path(__file__).resolve().parent.parent
+
+os.environ.pop("TYPED", None)  # the values of the make that runs the tests are not theirs
 
 # no test is timed: an example that takes a fifth of a second on a busy machine is no fault
 hypothesis.settings.register_profile("untimed", deadline=None)

@@ -4,9 +4,10 @@ import os
 
 # an outer make's jobs and command line, and the values that it exports
 OUTER = {
-    "MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "SCENE", "STUDY", "DOCS", "LEVEL", "NP",
-    "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "NODES", "MINUTES",
-    "PARTITION", "ACCOUNT", "RETRIES", "STUDIES", "WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK",
+    "MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "TYPED", "SCENE", "STUDY", "DOCS", "LEVEL",
+    "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "NODES",
+    "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES", "WHOLE", "SNAKEFLAGS", "DPIV",
+    "INPUTS", "QUICK",
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from fileio.json_text import flat
 from fileio.lock import exclusive
 from fileio.provenance import digest
 from fileio.record import changed_outputs, read_record, record_path
+from pipeline.fea.sections import check_length, sections
 from pipeline.fea.up_to_date import check_states
 from pipeline.kinematics.values import kinematics_values
 from pipeline.kinematics.view import following, tip_path, unseen_tip
@@ -140,7 +141,9 @@ class Run:
                 "fea: this run has the actuator of its scene; use softfinger fea, or --set a key"
                 " of actuator or fea"
             )
-        if not self.analysed:
+        if self.analysed:
+            check_length(self.scene, sections(self.scene)[0])
+        else:
             check_states(self.scene)
         if self.scene.body is None and BY_NAME["sheet"] in until(target):
             self._check_view()

@@ -59,6 +59,10 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["study"], "give STUDY=table.csv"),
         (["single_finger.view", "NP=0"], "NP=0: give 1 or more"),
         (["fea", "SCENE=single_finger", "NP=0"], "NP=0: give 1 or more"),
+        (["single_finger.mesh", "QUICK=1"], "run does not use QUICK; omit it"),
+        (["single_finger", "SLURM=0", "NODES=2"], "run does not use NODES; add SLURM=1"),
+        (["predict", "COUPLED=1"], "predict does not use COUPLED"),
+        (["study", "STUDY=x.csv", "LEVEL=smoke"], "study does not use LEVEL"),
         (["single_finger", 'LEVEL=$$(touch made; echo "smoke)'], "no level"),
     ],
 )
