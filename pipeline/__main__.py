@@ -372,7 +372,7 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
         raise StageError(
             f"{scene}: no such scene{suggestion(scene.name, known)}; make help lists them"
         )
-    if wrong := [text for text in values if "=" not in text]:
+    if wrong := [text for text in values if "=" not in text.strip().lstrip("=")]:
         raise StageError(f"--set {wrong[0]}: give KEY=VALUE, as mesh.tip_cell=0.001")
     if name and not values:
         raise StageError("--name needs --set: a run without overrides has its own folder")

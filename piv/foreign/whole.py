@@ -121,7 +121,8 @@ def read_csv(path: Path) -> xr.Dataset:
         raise FileNotFoundError(f"{path}: no such file") from None
     except Exception as error:  # of damaged text the libraries raise many kinds
         raise ValueError(
-            f"{path}: not a CSV of vectors as this program writes ({one_line(error)})"
+            f"{path}: not a CSV of vectors as this program writes ({one_line(error)}); make"
+            " vectors.h5 of other programs' by piv convert"
         ) from error
 
 

@@ -29,9 +29,17 @@ def find_vortices(
     Works in whatever units the plane has. `options` are fields of `VortexSettings`. A vortex is a
     region in which the smoothed flow rotates more than it strains; a Lamb-Oseen vortex on a
     background of drift and linear gradient is then fitted to it, its neighbours taken along or
-    taken off. Raises ValueError where the plane still has a time axis or an option is unknown.
+    taken off. Raises ValueError where the plane still has a time axis, or an option is unknown or
+    out of its range.
     """
     s = _settings(settings, options)
+    widest = float(max(np.ptp(plane[axis].values) for axis in "xy"))
+    for name in ("scale", "correlation_length"):
+        if (getattr(s, name) or 0.0) > widest:
+            raise ValueError(
+                f"{name} = {getattr(s, name):g} exceeds the plane, which is {widest:.3g} wide or"
+                " high: give a smaller one, in the units of the axes"
+            )
     p = plane_of(plane, s)
     scale = scale_of(plane, s)
     regions = find_regions(p, scale, s)

@@ -193,7 +193,10 @@ def _parts_sentence(parts: dict[int, str]) -> str:
     )
 
 
-_WATER = "or water bends the finger: COUPLED=1 compares that motion"
+_WATER = (
+    "or water or another stiffness changes the motion, for which there are COUPLED=1 and"
+    " structure.bending_stiffness"
+)
 
 
 def check_motion(kinematics: Kinematics, registration: Registration, interval: float) -> list[str]:

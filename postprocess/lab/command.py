@@ -155,7 +155,7 @@ def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:
     if case.at_pressure is not None:
         at_pressure = _judged(motion_quantities(replace(case, effects=[]), case.at_pressure))
     no_load = case.flow.no_load if case.flow else ""
-    about = {"at_pressure": at_pressure, "no_load": no_load}
+    about = {"at_pressure": at_pressure, "no_load": no_load, "no_flow": case.no_flow}
     return {"quantities": rows, **verdicts(rows), **about}, series
 
 
@@ -245,7 +245,8 @@ def _with_flow(
 ) -> Case:
     """The case with both sides' flows and what the runs change of it; solves what is missing.
 
-    A clock that the water contradicts is refused before the runs beside the nominal one.
+    A clock that the water contradicts is refused before the runs beside the nominal one, or the
+    flow is not compared where the motion differs and a run at the measured pressure tells why.
     """
     make(run, "case", machine, quiet)
     if not quiet:
@@ -258,7 +259,12 @@ def _with_flow(
     vortices = run.scene.vortices.model_dump(mode="json")
     known = case.kinematics, case.registration, sheet, vortices
     sides = both_sides(lab, dpiv, *known, threads=machine.jobs, quiet=quiet)
-    check_clock(case, sides, dpiv.folder / NAME)
+    try:
+        check_clock(case, sides, dpiv.folder / NAME)
+    except StageError as error:
+        if case.at_pressure is None:
+            raise
+        return replace(case, no_flow=str(error))  # the motion differs, and its cause is looked for
     fluid = run.scene.fluid
     sides = with_load(sides, case, sheet, fluid.density, fluid.kinematic_viscosity)
     for one in runs.values():

@@ -259,6 +259,8 @@ def dpiv_template(data: Path | None) -> str:
 
 def seen_in(folder: Path) -> dict[str, str]:
     """Values of dpiv.toml by dotted name; FileNotFoundError without pictures or vectors."""
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder; give that of the recording")
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     kinds = Counter(path.suffix.lower() for path in files)
     suffix = next((s for s in ONE_FILE if kinds[s]), max(IMAGE_SUFFIXES, key=lambda s: kinds[s]))

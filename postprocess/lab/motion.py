@@ -79,6 +79,7 @@ class Case:
     flow: Sides | None = None
     effects: list[Effect] = field(default_factory=list)
     at_pressure: tuple[float, float] | None = None  # `difference` of a run at that measured
+    no_flow: str = ""  # why it is not compared
 
     @property
     def finer(self) -> list[Effect]:

@@ -108,7 +108,9 @@ def answer(result: dict[str, Any]) -> str:
     parts += [_evidence(motion), _evidence(flow)]
     if moves in (ERROR, DIFFERS):
         parts.append(_cause_of_motion(moves, result["registration"]))
-        parts.append(_by_pressure(result["at_pressure"], result["pressure_unused"]))
+        unused, no_flow = result["pressure_unused"], result["no_flow"]
+        parts.append(_by_pressure(result["at_pressure"], unused, bool(no_flow)))
+        parts += [f"The flow is not compared: {no_flow}."] if no_flow else []
     if wrong:
         parts.append(_blame_of_flow(moves, wrong))
     if flow and (missing := result["missing_runs"]):
@@ -163,7 +165,7 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
     )
 
 
-def _by_pressure(made: list[Quantity] | None, unused: bool) -> str:
+def _by_pressure(made: list[Quantity] | None, unused: bool, or_clock: bool) -> str:
     """Whether the measured pressure explains the motion; `made`: of a coupled run with it."""
     if unused:
         return (
@@ -176,8 +178,8 @@ def _by_pressure(made: list[Quantity] | None, unused: bool) -> str:
     text = f"With the measured pressure a coupled run has {moved}"
     if any(q["verdict"] == ERROR for q in made):
         return (
-            f"{text}, unlike the recording: the structure is to blame (motion.states,"
-            " structure.bending_stiffness)."
+            f"{text}, unlike the recording: the structure{' or the clock' if or_clock else ''} is"
+            " to blame (motion.states, structure.bending_stiffness)."
         )
     return f"{text}, as the recording: pressure and water explain it, motion.strokes do not."
 

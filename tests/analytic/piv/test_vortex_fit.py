@@ -245,6 +245,9 @@ def test_what_is_not_a_plane_is_refused():
         find_vortices(series.isel(time=0), treshold=1)
     with pytest.raises(ValueError, match=r"scale = 0\.4 is less than half a grid step of 1"):
         find_vortices(series.isel(time=0), scale=0.4)
+    for name in ("scale", "correlation_length"):
+        with pytest.raises(ValueError, match=f"{name} = 10 exceeds the plane, which is 9 wide"):
+            find_vortices(series.isel(time=0), **{name: 10.0})
 
 
 def test_a_layer_on_a_wall_is_no_vortex():

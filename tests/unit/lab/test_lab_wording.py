@@ -50,6 +50,7 @@ def result(*quantities, missing=(), at_pressure=None):
         "registration": law,
         "at_pressure": at_pressure,
         "pressure_unused": False,
+        "no_flow": "",
         "no_load": "The moment of the water is not compared.",
     }
 
@@ -84,6 +85,13 @@ def test_a_run_at_the_measured_pressure_tells_pressure_from_structure(made, said
     assert f"With the measured pressure a coupled run {said}" in answer(
         result(BEND, SAME, at_pressure=[made])
     )
+
+
+def test_a_flow_that_is_not_compared_says_why():
+    made = result(BEND, at_pressure=[BEND]) | {"no_flow": "the water contradicts the clock"}
+    text = answer(made)
+    assert "the structure or the clock is to blame" in text
+    assert text.endswith("The flow is not compared: the water contradicts the clock.")
 
 
 def test_a_measured_pressure_that_no_run_took_is_named():
