@@ -107,7 +107,7 @@ def answer(result: dict[str, Any]) -> str:
         parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
     parts += [_evidence(motion), _evidence(flow)]
     if moves in (ERROR, DIFFERS):
-        parts.append(_cause_of_motion(moves, result["registration"]))
+        parts.append(_cause_of_motion(moves, result["registration"], result["at_pressure"] is None))
         unused, no_flow = result["pressure_unused"], result["no_flow"]
         parts.append(_by_pressure(result["at_pressure"], unused, bool(no_flow)))
         parts += [f"The flow is not compared: {no_flow}."] if no_flow else []
@@ -135,14 +135,15 @@ def _evidence(quantities: list[Quantity]) -> str:
             f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
             for q in wide
         )
-        return f"An error of {TOO_UNCERTAIN:.0%} would not be seen: {text}."
+        return f"An error of {100 * TOO_UNCERTAIN:.0f}{NBSP}% would not be seen: {text}."
     text = ", ".join(f"{q['label']} {_relative(q)}" for q in quantities)
     return f"Errors above these would have been found: {text}." if text else ""
 
 
 def _difference(q: Quantity) -> str:
     """How a quantity differs, in words."""
-    off = f"{size(q['error'], q['unit'])} ({np.linalg.norm(q['error']) / abs(q['scale']):.0%})"
+    part = 100 * np.linalg.norm(q["error"]) / abs(q["scale"])
+    off = f"{size(q['error'], q['unit'])} ({part:.0f}{NBSP}%)"
     band, seen = (f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D"))
     if q["verdict"] == DIFFERS:
         return f"differs by {off}, known to {seen}, which the inputs' uncertainty allows ({band})"
@@ -150,8 +151,8 @@ def _difference(q: Quantity) -> str:
     return f"{what} about {off}, known to {band}"
 
 
-def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
-    """How the recording's finger moves, and what to correct."""
+def _cause_of_motion(moves: str, registration: dict[str, Any], correct: bool) -> str:
+    """How the recording's finger moves, and what to correct where no run tells more."""
     factor, stretch = (
         f"{registration[name]:.3f} ±{NBSP}{1.96 * registration[f'{name}_std']:.3f}"
         for name in ("pressure_factor", "stretch")
@@ -161,7 +162,7 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
     rate = ", or frame_rate_hz of dpiv.toml" if another else ""
     return (
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
-        f" times as long. Correct motion.strokes of the scene{rate}."
+        " times as long." + (f" Correct motion.strokes of the scene{rate}." if correct else "")
     )
 
 
