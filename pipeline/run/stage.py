@@ -29,8 +29,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
 
     `collated`: the ranks share their files.
     """
-    if hosts is not None and not hosts.is_file():
-        raise StageError(f"hosts = {hosts}: no such file; give an MPI host file, one host per line")
     if hosts is not None and scene.coupled:
         raise StageError(f"hosts = {hosts}: a coupled run takes this machine alone; leave it out")
     hosts = hosts and hosts.resolve()  # the solver runs in another folder

@@ -61,6 +61,8 @@ class Machine:
     def __post_init__(self) -> None:
         if min(self.ranks, self.jobs) < 1:
             raise StageError(f"NP={self.ranks}: give 1 or more")
+        if self.hosts is not None and not self.hosts.is_file():
+            raise StageError(f"HOSTS={self.hosts}: no such file; give one with a host per line")
 
     def options(self, stage: Stage) -> dict[str, Any]:
         """Options of a stage's function."""

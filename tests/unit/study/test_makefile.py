@@ -54,6 +54,7 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "LEVEL=fine", "ACCURACY=12%"], "not with LEVEL, which it chooses"),
         (["single_finger", "ACCURACY=many"], "ACCURACY=many: give a share"),
         (["single_finger", "BUDGET=1"], "BUDGET=1: give a time"),
+        (["single_finger", "HOSTS=no.txt"], "HOSTS=no.txt: no such file"),
         (["fea", "SCENE=pinsh"], "did you mean pinch?"),
         (["study", "STUDY=no.csv"], "no.csv: no such study"),
         (["study"], "give STUDY=table.csv"),
