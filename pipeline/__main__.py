@@ -41,6 +41,7 @@ Overrides = Annotated[
     ),
 ]
 Switch = Annotated[bool, Parameter(negative="")]
+Coupled = Annotated[bool, Parameter(env_var="COUPLED", negative="")]
 Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]
 Budget = Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")]
 RunNames = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
@@ -57,7 +58,7 @@ def run(
     ranks: Ranks = DEFAULT_RANKS,
     hosts: Annotated[Path | None, Parameter(env_var="HOSTS", help="MPI host file.")] = None,
     collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
-    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
+    coupled: Coupled = False,
     accuracy: Accuracy = "",
     budget: Budget = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="")] = False,
@@ -214,7 +215,7 @@ def view(
     level: Level = "coarse",
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
-    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
+    coupled: Coupled = False,
     whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False,
 ) -> None:
     """Write a run as a time series for ParaView.
@@ -285,7 +286,7 @@ def compare(
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
     quick: Annotated[bool, Parameter(env_var="QUICK", negative="")] = False,
-    coupled: Annotated[bool, Parameter(env_var="COUPLED", negative="")] = False,
+    coupled: Coupled = False,
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
@@ -372,7 +373,7 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
         raise StageError(
             f"{scene}: no such scene{suggestion(scene.name, known)}; make help lists them"
         )
-    if wrong := [text for text in values if "=" not in text.strip().lstrip("=")]:
+    if wrong := [text for text in values if not all(text.partition("=")[:2])]:
         raise StageError(f"--set {wrong[0]}: give KEY=VALUE, as mesh.tip_cell=0.001")
     if name and not values:
         raise StageError("--name needs --set: a run without overrides has its own folder")

@@ -314,10 +314,7 @@ def _check_mesh(scene: Any) -> None:
         "wall_cell": (thick / 3, "a third of the finger's thickness"),
         "tip_cell": (thin / 3, "a third of the tip's thickness"),
         "near_cell": (thick, "the finger's thickness"),
-        "far_cell": (
-            min(*tank.size, tank.water_depth) / 4,
-            "a quarter of tank.size",
-        ),
+        "far_cell": (min(*tank.size, tank.water_depth) / 4, "a quarter of tank.size"),
         "wall_first_layer": (mesh.wall_cell, "mesh.wall_cell"),
         "edge_layer": (width, "the finger's width"),
         "sheet_layer": (width, "the finger's width"),

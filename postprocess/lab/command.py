@@ -259,12 +259,9 @@ def _with_flow(
     vortices = run.scene.vortices.model_dump(mode="json")
     known = case.kinematics, case.registration, sheet, vortices
     sides = both_sides(lab, dpiv, *known, threads=machine.jobs, quiet=quiet)
-    try:
-        check_clock(case, sides, dpiv.folder / NAME)
-    except StageError as error:
-        if case.at_pressure is None:
-            raise
-        return replace(case, no_flow=str(error))  # the motion differs, and its cause is looked for
+    case = check_clock(case, sides, dpiv.folder / NAME)
+    if case.no_flow:
+        return case
     fluid = run.scene.fluid
     sides = with_load(sides, case, sheet, fluid.density, fluid.kinematic_viscosity)
     for one in runs.values():

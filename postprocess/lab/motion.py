@@ -256,15 +256,22 @@ def clock_ratio(case: Case, sides: Sides) -> float:
     return float(slopes[0] / slopes[1]) if slopes[1] else np.nan
 
 
-def check_clock(case: Case, sides: Sides, path: Path) -> None:
-    """StageError that names the keys of `path` where the water contradicts the silhouettes."""
+def check_clock(case: Case, sides: Sides, path: Path) -> Case:
+    """The case; StageError that names keys of `path` where the water contradicts the silhouettes.
+
+    Where a run at the measured pressure tells why the motion differs, only the flow is left out.
+    """
     if case.registration.times.size == 0:
-        return
+        return case
     ratio = clock_ratio(case, sides)
     if np.isfinite(ratio) and not 1 / CLEARLY < ratio < CLEARLY:
-        raise StageError(
+        why = (
             f"the water beside the finger moves about {ratio:.2g} times as fast as the"
             " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
             " pairs per second) or piv.interval_s is wrong by about this factor, or the motion"
             f" differs in more than bend and duration; correct it in {path}"
         )
+        if case.at_pressure is None:
+            raise StageError(why)
+        return replace(case, no_flow=why)
+    return case

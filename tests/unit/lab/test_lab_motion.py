@@ -170,8 +170,10 @@ def test_water_that_contradicts_the_silhouette_names_rate_and_interval(case, spe
     registration = replace(case.registration, pose=pose, law=seen)
     sides = Sides(data, virtual, virtual, VortexSettings(0.004), 0.01)
     if ratio is None:
-        check_clock(replace(case, registration=registration), sides, PATH)
+        assert not check_clock(replace(case, registration=registration), sides, PATH).no_flow
         return
+    explained = replace(case, registration=registration, at_pressure=(0.1, 0.0))
+    assert f"moves about {ratio} times" in check_clock(explained, sides, PATH).no_flow
     with pytest.raises(
         ValueError, match=rf"moves about {ratio} times .* frame_rate_hz .*interval_s.*{PATH}$"
     ):
