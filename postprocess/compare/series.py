@@ -40,7 +40,14 @@ def summary(evidence: Evidence, window: _Window) -> dict[str, Any]:
     tips = tracks.dominant_tracks(evidence.vortices, 0, window)
     out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in tips.items()}
     if "piv-cfd" in evidence.sums:
-        out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(evidence, window)
+        pair = _or_none(paired, Part(evidence, "piv-cfd", window))
+        out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(pair)
+        if pair is not None and pair["known"].any():
+            known = pair[pair["known"]]
+            # Means of the same instants, so that they differ by no more than the vortices do.
+            for source, column in (("cfd", "reference"), ("piv", "other")):
+                mean = float(known[f"circulation_{column}"].mean())
+                out[source] |= {"circulation_mean": mean, "instants": len(known)}
     return out
 
 
@@ -60,7 +67,7 @@ def _velocity_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
     return {"velocity_rms_difference_relative": None if rms is None else rms / evidence.scale}
 
 
-def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
+def _pair_numbers(pair: pd.DataFrame | None) -> dict[str, Any]:
     names = (
         "circulation_rms_difference",
         "circulation_max_difference",
@@ -70,7 +77,6 @@ def _pair_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:
         "circulation_instants",
     )
     out: dict[str, Any] = dict.fromkeys(names)
-    pair = _or_none(paired, Part(evidence, "piv-cfd", window))
     if pair is None:
         return out
     known = pair[pair["known"]]

@@ -181,7 +181,6 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
         if source in summary:
             mean = summary[source]["circulation_mean"]
             sense = "clockwise" if mean < 0 else "counter-clockwise"
-            # PIV may find the vortex at fewer instants: the two means are then of other times.
             remark = (
                 f"mean of {summary[source]['instants']} instants, {window};"
                 f" {sense}, {summary[source]['side'] or 'undecided'} side"
