@@ -125,17 +125,19 @@ def compare_with(
                 "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
             },
         }
-        if series is not None:
+        if not quick:
             solver = RUN.read(run.out / "run" / "run.json").get("versions", {})
             result["provenance"]["versions"] |= solver
             LAB_COMPARISON.write(lab / "comparison.json", result)
+        if series is not None:
             write_text(lab / "series.csv", series.to_csv(index=False))
         if not quiet:
             for q in result["quantities"]:
                 ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
                 print(f"{q['name']:16s} {q['verdict']:14s} {ratio}")
             print(f"verdict: {result['verdict']}")
-        return make_report(lab, scene.title, dpiv, case, result, series)
+        page = lab / ("quick.html" if quick else "report.html")
+        return make_report(page, scene.title, dpiv, case, result, series)
 
 
 def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:

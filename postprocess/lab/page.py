@@ -35,16 +35,16 @@ TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
 
 
 def make_report(
-    lab: Path,
+    path: Path,
     title: str,
     dpiv: Dpiv,
     case: Case,
     result: dict[str, Any],
     series: pd.DataFrame | None,
 ) -> Path:
-    """Write figures and report.html, or quick.html without a `series` of the flow, to `lab`."""
-    path = lab / ("quick.html" if series is None else "report.html")
-    write_text(path, page(title, result, _figures(lab / "figures", dpiv, case, result, series)))
+    """Write the page and its figures beside it; without a `series` the flow was not compared."""
+    figures = _figures(path.parent / "figures", dpiv, case, result, series)
+    write_text(path, page(title, result, figures))
     return path
 
 
