@@ -42,7 +42,7 @@ help: ## this list
 
 setup: $(READY) ## Python environment and OpenFOAM, where missing
 $(READY): requirements.lock pipeline/setup.sh pipeline/command.sh
-	@sh pipeline/setup.sh
+	@TYPED= sh pipeline/setup.sh
 	@touch $@
 
 $(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)

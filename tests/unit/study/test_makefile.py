@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -13,10 +14,10 @@ TARGETS = set(re.findall(r"(?m)^([a-z][a-z-]*):(?!=).*##", TEXT))
 SCENES = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")}
 
 
-def make(*words: str) -> subprocess.CompletedProcess[str]:
+def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
     command = ["make", "--no-print-directory", *words]
     return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=False, env=inner_environment()
+        command, cwd=folder, capture_output=True, text=True, check=False, env=inner_environment()
     )
 
 
@@ -74,3 +75,13 @@ def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) 
     assert sentence in done.stderr
     assert "Traceback" not in done.stderr
     assert not (ROOT / "made").exists()
+
+
+def test_a_first_run_sets_up_whatever_its_values_are(tmp_path: Path) -> None:
+    """Commands of the set-up do not use LEVEL, which would be an error of the user's otherwise."""
+    (tmp_path / "pipeline").mkdir()
+    for name in ("Makefile", "requirements.lock", "pipeline/command.sh"):
+        (tmp_path / name).write_text((ROOT / name).read_text())
+    (tmp_path / "pipeline" / "setup.sh").write_text('mkdir -p .venv; echo "typed: $TYPED."')
+    done = make("setup", "LEVEL=smoke", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "typed: .\n")
