@@ -124,7 +124,8 @@ def outcome(scene: Scene) -> tuple[str, str]:
     seconds = sum(cost["wall_time"] for cost in _costs(files.out, run["wall_time"]))
     return (
         f"{scene.name} at level {scene.level}: {run['cells']} cells ({run['model']}),"
-        f" {run['steps']} steps to {scene.motion.end_time:g} s, in {duration(seconds)}",
+        f" {run['steps']} steps to {scene.motion.end_time:g} s; its stages took"
+        f" {duration(seconds)}, some at the same time",
         wording.answer(comparison, trial),
     )
 
