@@ -20,8 +20,13 @@ _METHODS = ("correlation", "optical_flow")
 
 
 def grid(length: int, spacing: float) -> ndarray:
-    """Positions `spacing` px apart, as many as fit into `length`, centred."""
-    n = max(int(length // spacing), 2)
+    """Positions `spacing` px apart, as many as fit into `length`, centred; at least two."""
+    n = int(length // spacing)
+    if n < 2:
+        raise ValueError(
+            f"spacing must leave two vectors along {length} px, thus be at most {length // 2} px;"
+            f" got {spacing:g}"
+        )
     return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 

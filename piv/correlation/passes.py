@@ -90,8 +90,10 @@ def first_passes(
     dx = dy = np.zeros((0, 0), np.float32)
     for size in sizes:
         step = _FFT_SPACING * size
-        cx = np.unique(np.rint(grid(shape[1], step)).astype(np.int64))
-        cy = np.unique(np.rint(grid(shape[0], step)).astype(np.int64))
+        cy, cx = (
+            np.unique(np.rint(grid(length, min(step, length / 2))).astype(np.int64))
+            for length in shape
+        )
         columns, rows = (m.ravel() for m in np.meshgrid(cx, cy))
         if not dx.size:
             shift_x = shift_y = np.zeros(columns.size, np.int64)

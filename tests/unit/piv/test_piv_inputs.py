@@ -54,6 +54,7 @@ def test_a_result_beside_the_images_may_be_made_again(pair):
         ("--scale-mm-per-px 0.1 --rate 5 --origin-x-px inf", "origin_x_px = inf"),
         ("--scale-mm-per-px 0.1", "give --interval too"),
         ("--search 5000", "search must be between 16 and 1024 px, got 5000"),
+        ("--spacing 65", "at most 64 px; got 65"),
         ("--least-window 64 --window 32", "between 8 and 32 px (window), got 64"),
     ],
 )
