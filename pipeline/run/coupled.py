@@ -94,6 +94,12 @@ class Coupled:
         at = slice(number, number + 1)
         return float(self.finger.chain.bend(pressure[at], delta[at])[0])
 
+    @property
+    def contact(self) -> float | None:
+        """Time (s) of the first contact; None without one."""
+        touched = np.flatnonzero(self.force)
+        return float(self.step * touched[0]) if touched.size else None
+
     def advance(self, number: int) -> None:
         """The rotations of the step after `number`, and the contact that they need.
 

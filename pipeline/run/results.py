@@ -84,10 +84,13 @@ def collect_results(
     fluid: Fluid,
     convection: str,
     budgets: list[Budget],
+    contact: float | None = None,
 ) -> dict[str, Any]:
     """Write the tables of run/ in `folder`, all intervals joined; returns their summary.
 
-    StageError where `budgets`, of the intervals, find energy from nothing in the whole run.
+    The summary's power balance ends before the first `contact` (s), since an impact is shorter than
+    what the tables resolve. StageError where `budgets`, of the intervals, find energy from nothing
+    in the whole run.
     """
     model, mirror = (meshes[0].planform.attrs[name] for name in ("model", "mirror"))
     per_finger = PER_FINGER[str(model)]
@@ -117,12 +120,16 @@ def collect_results(
     POWER.write(folder / "run" / "power.csv", energy)
     written = POWER.read(folder / "run" / "power.csv").to_numpy()
     excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies)}
+    until, known = None, [energy, terms]
+    if contact is not None:
+        until = float(terms[:, 0][terms[:, 0] < contact].max(initial=terms[0, 0]))
+        known = [table[table[:, 0] <= until] for table in known]
     return {
         "cells": meshes[0].cells,
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": quality,
-        "power_balance": power_balance(energy, terms) | excess,
+        "power_balance": power_balance(*known) | excess | {"until": until},
         "intervals": [
             {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": m.cells}
             for m in meshes

@@ -83,8 +83,9 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         budgets = [guard.energy.budget for guard in guards if guard.energy]
         convection = scene.numerics.convection
         summary = collect_results(
-            scene.out, cases, meshes, layout, scene.fluid, convection, budgets
-        )
+            scene.out, cases, meshes, layout, scene.fluid, convection, budgets,
+            coupled and coupled.contact,
+        )  # fmt: skip
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     about = {
         "versions": {"OpenFOAM": version} | versions(),

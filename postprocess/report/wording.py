@@ -11,7 +11,7 @@ def balance_sentence(balance: dict[str, Any]) -> str:
     parts = balance["taken"] | {"kinetic": balance["kinetic_energy"]}
     of = {name: quantity(value / work, "fraction") for name, value in parts.items()}
     return (
-        f"Of the finger's work on the water, {1e3 * balance['work']:.3f}{NBSP}mJ, {of['kinetic']}"
+        f"{_of_work(balance)}, {1e3 * balance['work']:.3f}{NBSP}mJ, {of['kinetic']}"
         f" is kinetic energy at the end; viscosity has taken {of['viscous']}, the convection scheme"
         f" {of['convection']}, the coupling of pressure and velocity {of['coupling']};"
         f" {quantity(unexplained, 'fraction')} is unexplained. What the schemes take acts as"
@@ -19,14 +19,20 @@ def balance_sentence(balance: dict[str, Any]) -> str:
     )
 
 
+def _of_work(balance: dict[str, Any]) -> str:
+    until = balance.get("until")
+    before = f" until {until:.3f}{NBSP}s, before the tips touch," if until else ""
+    return f"Of the finger's work on the water{before}"
+
+
 def power_sentence(balance: dict[str, Any]) -> str:
     """How much of the finger's work the schemes take, and how much is unexplained."""
     taken = balance["taken"]
     schemes = (taken["convection"] + taken["coupling"]) / (abs(balance["work"]) or 1.0)
     return (
-        f"Of the finger's work on the water the numerical schemes take {100 * schemes:.0f}{NBSP}%,"
-        f" which the water would not; {quantity(abs(balance['unexplained_fraction']), 'fraction')}"
-        " is unexplained."
+        f"{_of_work(balance)} the numerical schemes take {100 * schemes:.0f}{NBSP}%, which"
+        " the water would not;"
+        f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} is unexplained."
     )
 
 

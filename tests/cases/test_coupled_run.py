@@ -12,7 +12,7 @@ import pytest
 from fileio.errors import StageError
 from fileio.formats.elastic_motion import FILE, read_elastic_motion
 from fileio.formats.finger_loads import read_loads
-from fileio.formats.kinematics import SCHEMA
+from fileio.formats.kinematics import SCHEMA, read_kinematics
 from fileio.formats.mesh_intervals import read_intervals, read_planform
 from fileio.formats.records import MESH_QUALITY
 from fileio.record import of_run
@@ -151,3 +151,30 @@ def test_over_two_meshes_it_moves_as_over_one(tmp_path, monkeypatch):
         run_stage.run(scene, quiet=True)
         assert len(read_intervals(scene.out)) == meshes
     assert np.abs(delta(two) - delta(one)).max() < 0.03 * np.abs(delta(one)).max()
+
+
+PINCH = """
+[pinch]
+half_distance = 0.034
+[motion]
+strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.15 }]
+end_time = 0.2
+source = "structure"
+"""
+
+
+def test_fingers_that_touch_keep_the_gap_and_end_the_balance(tmp_path):
+    """An impact lasts less than what the balance resolves, which counts until then alone."""
+    write_scene(tmp_path / "scene", more=PINCH, parent="pinch")
+    scene = prepare(load_scene(tmp_path / "scene", "tiny"))
+    run_stage.run(scene, quiet=True)
+    motion = read_elastic_motion(scene.out / FILE)
+    force = motion["contact_force"].values
+    touched = motion["time"].values[np.flatnonzero(force)]
+    assert force.min() == 0  # it never pulls
+    outline = read_kinematics(of_run(scene.out / "kinematics.h5")).data["shape_outline"].values
+    # to the root search of the force: 1e-9 of it
+    assert -outline[..., 0].max() == pytest.approx(scene.pinch.residual_gap, abs=1e-7)
+    balance = record(scene)["power_balance"]
+    assert touched[0] - 0.01 - 1e-9 <= balance["until"] < touched[0]  # of the terms, each 10 ms
+    assert abs(balance["unexplained_fraction"]) < 0.02  # as of a run without contact

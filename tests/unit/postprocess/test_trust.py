@@ -67,9 +67,13 @@ def test_an_error_that_was_not_measured_is_said(scene):
 
 def test_the_power_balance_in_short():
     taken = {"viscous": 0.1, "convection": 0.2, "coupling": 0.1}
-    sentence = power_sentence({"work": -1.0, "taken": taken, "unexplained_fraction": -0.006})
-    assert "take 30\u00a0%" in sentence
+    balance = {"work": -1.0, "taken": taken, "unexplained_fraction": -0.006}
+    sentence = power_sentence(balance)
+    assert "water the numerical schemes take 30\u00a0%" in sentence
     assert "0.6\u00a0% is unexplained" in sentence
+    assert "until 0.200\u00a0s, before the tips touch, the" in power_sentence(
+        balance | {"until": 0.2}
+    )
 
 
 def measured() -> pd.DataFrame:
