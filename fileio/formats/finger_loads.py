@@ -50,11 +50,11 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
     if values["unknown"]:
         return str(values["unknown"])
     if values["coupled"]:
-        order = ", continued to first order" if values["first_order"] else ""
+        order = ", continued to first order," if values["first_order"] else ""
         return (
-            f"Pressure and water make the finger's motion together: the loads{order} would"
-            f" move its tip by {values['tip_change'] * 1e3:.2g} mm more, and"
-            f" {values['open_energy']:.1%} of the pressure's work is open"
+            "Pressure and water make the finger's motion together. Computed again under the loads"
+            f" of the run{order} its tip moves by {values['tip_change'] * 1e3:.2g} mm, and"
+            f" {100 * values['open_energy']:.1f} % of the pressure's work is unexplained"
             + (" until the contact." if values["contact_force"] > 0 else ".")
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"

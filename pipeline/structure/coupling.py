@@ -52,7 +52,7 @@ class Check:
             return ""
         return (
             f"under the loads of the run its tip moves by {self.tip * 1e3:.2g} mm and"
-            f" {self.open_energy * 100:.1f} % of the pressure's work is open, with"
+            f" {self.open_energy * 100:.1f} % of the pressure's work is unexplained, with"
             f" {TIP_TOLERANCE * length * 1e3:.2g} mm and {ENERGY_TOLERANCE * 100:.0f} % allowed"
         )
 

@@ -114,7 +114,7 @@ def test_water_that_is_not_known_makes_a_mode_alternate_which_is_noticed(chain, 
 
 def test_the_tolerances_of_a_finger_of_70_mm():
     assert not Check(3e-4, 0.01).fault(0.07)
-    assert "3.0 % of the pressure's work is open" in Check(3e-4, 0.03).fault(0.07)
+    assert "3.0 % of the pressure's work is unexplained" in Check(3e-4, 0.03).fault(0.07)
     assert "by 0.4 mm and" in Check(4e-4, 0.01).fault(0.07)
 
 
