@@ -17,11 +17,11 @@ from postprocess.report.wording import balance_sentence
 
 def energy_figure(album: Album, out: Path) -> None:
     """Where the finger's work goes."""
-    terms = POWER_TERMS.read(out / "run/power_terms.csv")
-    figure = draw_solver.energy(POWER.read(out / "run/power.csv"), terms)
+    balance = RUN.read(out / "run/run.json")["power_balance"]
+    tables = POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
+    known = (table[table["time"] <= (balance.get("until") or np.inf)] for table in tables)
     alt = "Work of the finger over time, and what it has become, stacked."
-    caption = balance_sentence(RUN.read(out / "run/run.json")["power_balance"])
-    album.add(figure, "energy.svg", "run", alt, caption)
+    album.add(draw_solver.energy(*known), "energy.svg", "run", alt, balance_sentence(balance))
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:

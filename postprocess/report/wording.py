@@ -21,7 +21,7 @@ def balance_sentence(balance: dict[str, Any]) -> str:
 
 def _of_work(balance: dict[str, Any]) -> str:
     until = balance.get("until")
-    before = f" until {until:.3f}{NBSP}s, before the tips touch," if until else ""
+    before = f" until {until:.3f}{NBSP}s (before the tips touch)" if until else ""
     return f"Of the finger's work on the water{before}"
 
 
