@@ -84,7 +84,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         convection = scene.numerics.convection
         summary = collect_results(
             scene.out, cases, meshes, layout, scene.fluid, convection, budgets,
-            coupled and coupled.contact,
+            coupled.contact if coupled else None,
         )  # fmt: skip
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     about = {
