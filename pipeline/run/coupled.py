@@ -97,8 +97,8 @@ class Coupled:
     @property
     def contact(self) -> float | None:
         """Time (s) of the first contact; None without one."""
-        touched = np.flatnonzero(self.force)
-        return float(self.step * touched[0]) if touched.size else None
+        touched = self.history.touched
+        return None if touched is None else self.step * touched
 
     def advance(self, number: int) -> None:
         """The rotations of the step after `number`, and the contact that they need.

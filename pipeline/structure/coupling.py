@@ -120,6 +120,12 @@ class Coupling:
         most = np.abs(self.loads[: number + 1, :, 1] @ arm).max()
         return bool((bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * most))
 
+    @property
+    def touched(self) -> int | None:
+        """Number of the first time with a contact; None without one."""
+        times = np.flatnonzero(self.contact.any(axis=(1, 2)))
+        return int(times[0]) if times.size else None
+
     def check(self) -> Check:
         """What the loads make of the whole motion, by one inertia: it leaves no trace in it."""
         chain, pressure, delta = self.chain, self.pressure, self.delta
@@ -131,8 +137,7 @@ class Coupling:
             after[number] = once._moved(number, once.rest[number], after)
         change = chain.profile(pressure, after) - chain.profile(pressure, delta)
         # an impact takes energy within a step, in which it is not resolved
-        touched = np.flatnonzero(self.contact.any(axis=(1, 2)))
-        free = slice(0, touched[0] if len(touched) else None)
+        free = slice(0, self.touched)
         parts = energies(
             chain, pressure[free], delta[free], self.step, self.water, self.loads[free]
         )
