@@ -30,11 +30,13 @@ def check_quality(quality: Quality, bend: float, mesh: Mesh, beyond: float = 0.0
     `beyond`: what is allowed above that limit, deg.
     """
     worst = quality.max_non_orthogonality_deg
-    if worst > mesh.max_non_orthogonality_deg + beyond or quality.min_area_ratio <= 0:
+    # beyond a right angle a face does not separate the centres of its cells
+    limit = min(mesh.max_non_orthogonality_deg + beyond, 90.0)
+    if worst > limit or quality.min_area_ratio <= 0:
         raise MorphError(
             f"non-orthogonality reaches {worst:.1f}° at {np.degrees(bend):.1f}° of bend, more than"
             f" mesh.max_non_orthogonality_deg = {mesh.max_non_orthogonality_deg:g}"
-            + (f" and {beyond:g}°" if beyond else "")
+            + (f" ({limit:g}° in a coupled run)" if beyond else "")
         )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.geometry.quality import shape_quality
+from pipeline.geometry.quality import Quality, shape_quality
 from pipeline.mesh.morph import Morph, MorphError, corner_triangles
 from pipeline.mesh.planform import build_planform
 from pipeline.mesh.shape_sequence import ShapeSequence, morph_shapes
@@ -116,3 +116,11 @@ def test_layers_fill_the_tank_and_split_at_the_fingers_side(tmp_path, kind, coun
         assert np.abs(np.abs(z) - 0.014).min() < 1e-12
         assert 0.0 in z
         assert z[-1] == pytest.approx(0.15 if kind == "full" else 0.0)
+
+
+@pytest.mark.parametrize("limit, highest", [(70.0, 78.0), (85.0, 90.0)])
+def test_a_mesh_that_follows_may_exceed_the_limit_but_no_right_angle(limit, highest):
+    mesh = MESH.model_copy(update={"max_non_orthogonality_deg": limit})
+    check_quality(Quality(highest, 20.0, 0.3, 0.5), 1.0, mesh, 8.0)
+    with pytest.raises(MorphError, match=rf"_deg = {limit:g} \({highest:g}° in a coupled run\)"):
+        check_quality(Quality(highest + 0.1, 20.0, 0.3, 0.5), 1.0, mesh, 8.0)
