@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.studies.pinch import G, acceleration, carried, held_excess
+from docs.evidence.pinch import G, acceleration, carried, held_excess
 
 TIME, Y = np.linspace(0, 0.4, 201), np.linspace(-0.02, 0.06, 321)
 

@@ -5,12 +5,12 @@ import shutil
 import numpy as np
 import pytest
 
+from docs.evidence.validation import rotating
+from docs.evidence.validation.solve import CASES
 from pipeline.kinematics.rigid_body import travelled
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.formats.plane_series import make_plane, write_plane
-from tests.studies.validation import rotating
-from tests.studies.validation.solve import CASES
 
 L, CENTRE, SPEED = 0.04, np.array([0.0, 0.4]), np.radians(400.0)
 UNIT = SPEED * L**2
