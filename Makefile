@@ -71,7 +71,6 @@ predict: $(READY) ## time of SCENE at LEVEL on 1 to 256 ranks, and how many rank
 validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
-	@$(RUN) study cases/validation/studies/plate_rotating.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
 	@nice $(PY) -m docs.evidence.validation

@@ -20,20 +20,15 @@ import pytest
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
-from docs.evidence import piv_pictures, viewer_session
-from docs.evidence.tip_scene import HALF_WIDTH, tip_scene
-from docs.evidence.webdriver import CHROMEDRIVER, CHROMIUM
+from docs.evidence import piv_pictures
 from pipeline.formats.records import RUN
 from pipeline.scene.scene import load_scene
 from piv.files.atomic import write_bytes
 from piv.files.command import guarded
 from piv.files.errors import StageError
 from piv.formats.plane_series import make_plane
-from piv.plots.vectors import COLOUR_MAP
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder
-from piv.vortices.criteria import gradients, vorticity
-from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from postprocess.draw.animation import write_picture
 from postprocess.draw.style import CFD, new_figure, save
@@ -117,32 +112,6 @@ def tradeoff(scene: str) -> None:
     save(figure, DOCS / f"tradeoff/{scene}.svg")
 
 
-def vortices(path: Path) -> None:
-    """Tip vortex on a CFD grid and on a PIV grid: vorticity and the found vortices."""
-    scenes = {
-        "CFD grid, 0.5 mm": tip_scene(0.5e-3, 5e-3, 1.5),
-        "PIV-like, 1 mm, filtered, noisy": tip_scene(1e-3, 5e-3, 1.5, blur=0.8e-3, noise=2e-3),
-    }
-    figure, axes = plt.subplots(1, 2, figsize=(10, 5.4), layout="constrained", sharey=True)
-    for axis, (title, (plane, centre)) in zip(axes, scenes.items(), strict=True):
-        x, y, u, v = (plane[n].values for n in ("x", "y", "u", "v"))
-        valid, step = plane["valid"].values != 0, x[1] - x[0]
-        omega = vorticity(gradients(u, v, valid, step, step))
-        axis.pcolormesh(x * 1e3, y * 1e3, omega, cmap=COLOUR_MAP, vmin=-150, vmax=150)
-        k = round(2e-3 / step)
-        axis.quiver(x[::k] * 1e3, y[::k] * 1e3, u[::k, ::k], v[::k, ::k], scale=8, width=2e-3)
-        for w in find_vortices(plane, scale=HALF_WIDTH / 3):  # a sixth of the tip's width
-            place, radius = (w.x * 1e3, w.y * 1e3), w.radius * 1e3
-            axis.add_patch(plt.Circle(place, radius, fill=False, lw=2))
-            text = f"{w.circulation * 1e4:.1f} ± {w.circulation_std * 1e4:.1f} cm²/s"
-            above = (place[0], place[1] + radius + 1)
-            axis.annotate(text, above, ha="center")
-        axis.plot(centre[0] * 1e3, centre[1] * 1e3, "k+", ms=12)
-        axis.set(title=title, xlim=(-20, 40), ylim=(-30, 30), aspect="equal", xlabel="x, mm")
-    axes[0].set_ylabel("y, mm")
-    figure.savefig(path, dpi=110)
-
-
 def synthetic(path: Path) -> None:
     """A frame with body and shadow, and the brightest of 16 frames."""
     x, y = np.arange(0, 0.0601, 1e-3), np.arange(0, 0.0501, 1e-3)
@@ -167,16 +136,21 @@ def synthetic(path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def tutorials(folder: Path) -> None:
-    """Pictures of the tutorials of an own finger, by the test that does their steps."""
-    test = "tests/cases/test_tutorials.py::test_an_own_finger_its_recording_and_its_results"
-    if pytest.main([test, "-q", f"--basetemp={folder / 'test'}"]):
-        raise StageError(f"{test} failed, so that the tutorials' pictures are not made anew")
+def of_tests(folder: Path) -> None:
+    """Pictures of the tutorials and of the viewer, by the tests that do their steps."""
+    tests = (
+        "tests/cases/test_tutorials.py::test_an_own_finger_its_recording_and_its_results",
+        "tests/unit/piv/test_view_task.py",
+    )
+    if pytest.main([*tests, "-q", f"--basetemp={folder / 'test'}"]):
+        raise StageError(f"{' or '.join(tests)} failed, so that their pictures are not made anew")
     (out,) = folder.glob("test/**/clone/cases/my_finger/out/smoke")
     flow = sorted((out / "figures").glob("flow_*.webp"))
     _copy(flow[len(flow) // 2], DOCS / "tutorials/own_finger")
     _copy(out / "lab/recording/figures/series.svg", DOCS / "tutorials/comparison")
     _copy(out / "results.png", DOCS / "tutorials/results")
+    for picture in folder.glob("test/**/view*.png"):  # none without a browser
+        _copy(picture, DOCS / picture.stem)
 
 
 def main() -> None:
@@ -186,13 +160,10 @@ def main() -> None:
         copy_figures(scene, level)
         copy_numbers(scene, level)
     tradeoff("single_finger")
-    vortices(DOCS / "vortices.png")
     synthetic(DOCS / "synthetic.png")
     piv_pictures.draw(DOCS)
     with tempfile.TemporaryDirectory() as folder:
-        tutorials(Path(folder))
-    if CHROMIUM and CHROMEDRIVER:
-        viewer_session.main()
+        of_tests(Path(folder))
 
 
 if __name__ == "__main__":

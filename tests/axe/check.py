@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from docs.evidence.webdriver import Browser
+from tests.webdriver import Browser
 
 OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
 AXE = Path(__file__).with_name("axe.min.js")

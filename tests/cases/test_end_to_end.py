@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from docs.evidence.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 from pipeline.formats.finger_loads import read_loads
 from pipeline.openfoam.function_objects import read_function_object
 from piv.formats.plane_series import read_plane
 from tests.axe.check import serious_findings
 from tests.cases.conftest import make
 from tests.conftest import ROOT
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
 

@@ -6,7 +6,6 @@ import time
 import numpy as np
 import pytest
 
-from docs.evidence.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 from pipeline.scene.scene import load_scene
 from piv.plots.film import write_film
 from postprocess.compare.stage import compare
@@ -19,6 +18,7 @@ from tests.axe.check import OPEN, serious_findings
 from tests.synthetic_stroke import copy_findings, write_case
 from tests.unit.lab.test_lab_wording import quantity
 from tests.unit.lab.test_lab_wording import result as lab_result
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 needs = "needs chromium and chromedriver (apt: chromium chromium-driver)"
 pytestmark = pytest.mark.skipif(not (CHROMIUM and CHROMEDRIVER), reason=needs)

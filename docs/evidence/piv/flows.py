@@ -39,19 +39,6 @@ def lamb_oseen(core: float, peak: float, centre=CENTRE):
     return flow
 
 
-def vortex_row(spacing: float, jump: float, concentration: float, shape=SHAPE):
-    """Stuart's vortices in a layer at mid height with a `jump` in u; 1 are points, 0 none."""
-    wave = 2 * np.pi / spacing
-
-    def flow(x, y):
-        along, across = wave * (x - 0.5 * shape[1]), wave * (y - 0.5 * (shape[0] - 1))
-        across = np.clip(across, -300, 300)  # far away: cosh overflows
-        part = 0.5 * jump / (np.cosh(across) - concentration * np.cos(along))
-        return part * np.sinh(across), -part * concentration * np.sin(along)
-
-    return flow
-
-
 def sine(wavelength: float, amplitude: float):
     """u varies as a sine in y."""
     return lambda x, y: (amplitude * np.sin(2 * np.pi * y / wavelength), 0 * x)

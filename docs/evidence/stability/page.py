@@ -101,9 +101,7 @@ def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
 
 def write(folder: Path) -> None:
     """Write the maps and the summaries beside the tables."""
-    runs, images, faults, scenes = (
-        read_rows(folder / f"{name}.csv") for name in ("runs", "images", "faults", "scenes")
-    )
+    runs, images, faults = (read_rows(folder / f"{n}.csv") for n in ("runs", "images", "faults"))
     tiles(by_axis(runs), 12, folder / "runs.svg")
     lines: list[Line] = []
     for preset, of in images.groupby("preset", sort=False):
@@ -114,9 +112,6 @@ def write(folder: Path) -> None:
         endings[name] = [(of["ended"] == ending).sum() for ending in ENDINGS]
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())
-    counts = scenes.astype({"count": int})
-    drawn = counts.pivot_table("count", "scenes", "outcome", "sum", fill_value=0)
-    write_table(folder / "scene_outcomes.csv", drawn.reset_index())
 
 
 if __name__ == "__main__":

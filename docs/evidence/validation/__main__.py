@@ -10,10 +10,8 @@ from docs.evidence.validation import (
     cantilever,
     cylinders,
     deforming,
-    exact_fields,
     finger,
     plates,
-    rotating,
     sprung,
 )
 from docs.evidence.validation.checks import Result, write_result
@@ -33,10 +31,8 @@ def measure(name: str, again: bool) -> Result | None:
     """The result of one check by name; None where the runs that it reads are not there."""
     others: dict[str, Callable[[], Result | None]] = {
         "deforming_mesh": partial(deforming.measure, again),
-        "exact_fields": exact_fields.measure,
         sprung.NAME: sprung.measure,
         cantilever.NAME: cantilever.measure,
-        "plate_rotating": rotating.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
     }

@@ -136,7 +136,7 @@ def measure() -> Result:
     """Frequencies and damping of two plates at two amplitudes."""
     checks, curves = [], {}
     for row in ROWS:
-        scene = solved(row, stage="run")
+        scene = solved(row, stage="solve")
         finger, dry = scene.finger, dry_frequency(scene)
         wet, share = theory(finger, dry, scene.fluid.kinematic_viscosity)
         time, across, fit, rest = oscillation(scene)

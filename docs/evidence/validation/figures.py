@@ -6,13 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from piv.plots.vectors import COLOUR_MAP
-from postprocess.draw.flow import vorticity
-from postprocess.draw.style import BODY, CFD, GREY, PIV, THIRD, new_figure, save
+from postprocess.draw.style import CFD, GREY, PIV, THIRD, new_figure, save
 
 Curves = dict[str, Any]
-TURNING = 60.0  # vorticity over the speed of rotation at the ends of the colours
-ROTATED = 25.0  # degrees of turn at which grids are compared
 DASHED = {"ls": "--", "lw": 1}
 
 
@@ -136,49 +132,6 @@ def cantilever(curves: Curves, path: Path) -> None:
     save(figure, path)
 
 
-def rotating(curves: Curves, path: Path) -> None:
-    """The primary vortex's circulation over the turn, and at one turn over the cells."""
-    figure, axes = new_figure(7, 3.4, 1, 2)
-    by_re: dict[int, list[Curves]] = {}
-    for layer in curves.values():
-        by_re.setdefault(round(layer["reynolds"]), []).append(layer)
-    for (re, layers), colour in zip(by_re.items(), (THIRD, CFD, PIV), strict=True):
-        for layer, line in zip(layers[::-1], ("-", "--", ":"), strict=False):
-            label = f"Re {re}" if line == "-" else None
-            axes[0].plot(layer["turn"], layer["circulation"], line, color=colour, label=label, lw=1)
-        cells = [layer["cells"] for layer in layers]
-        part = [np.interp(ROTATED, layer["turn"], layer["circulation"]) for layer in layers]
-        axes[1].plot(cells, part, "o-", color=colour, label=f"Re {re}")
-    axes[0].set(xlabel="turn (°); finest, -- and ··· coarser cells", ylabel="primary Γ / (ΩL²)")
-    axes[1].set(xlabel="cells over L", ylabel=f"primary Γ / (ΩL²) at {ROTATED:g}°")
-    for ax in axes:
-        ax.legend()
-    save(figure, path)
-
-
-def rotating_flow(pictures: dict[float, list[Any]], turns: tuple[float, ...], path: Path) -> None:
-    """Vorticity over the speed of rotation: a row for each Re, a column for each turn.
-
-    Planes over x and y in lengths from the axis, velocities over the tip's speed.
-    """
-    figure, axes = new_figure(9, 2.6 * len(pictures), len(pictures), len(turns), squeeze=False)
-    for row, (re, planes) in zip(axes, pictures.items(), strict=True):
-        for ax, plane, turn in zip(row, planes, turns, strict=True):
-            x, y = plane["x"].values, plane["y"].values
-            field = np.stack([plane["u"].values, plane["v"].values])
-            turning = vorticity(field, plane["valid"].values != 0, x, y)
-            extent = (x[0], x[-1], y[0], y[-1])
-            shade = ax.imshow(turning, origin="lower", extent=extent, cmap=COLOUR_MAP,
-                              vmin=-TURNING, vmax=TURNING)  # fmt: skip
-            ax.fill(*plane["outline"].values.reshape(-1, 2).T, color=BODY)
-            ax.set(xlim=(0.1, 1.4), ylim=(0.0, 1.1), xticks=[], yticks=[], aspect="equal")
-            ax.set_title(f"Re {re:.0f}, {turn:.0f}°")
-            ax.grid(False)
-    bar = figure.colorbar(shade, ax=axes, shrink=0.5, pad=0.01)
-    bar.set_label("vorticity / Ω (purple: clockwise)")
-    save(figure, path)
-
-
 PLATES = "plate_impulsive", "plate_medium_layer", "plate_thin_layer", "plate_accelerating"
 FIGURES: dict[str, Callable[[Curves, Path], None]] = {
     "oscillating_cylinder": oscillating,
@@ -186,7 +139,6 @@ FIGURES: dict[str, Callable[[Curves, Path], None]] = {
     "accelerating_cylinder": accelerating,
     "cantilever_plate": cantilever,
     **dict.fromkeys(PLATES, plate),
-    "plate_rotating": rotating,
     "deforming_mesh": deforming,
     "finger_2d": grids,
     "finger": grids,

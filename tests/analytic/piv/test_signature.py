@@ -4,12 +4,12 @@ import h5py
 import numpy as np
 import pytest
 
-from docs.evidence.tip_scene import tip_scene
 from piv.correlation.pair import correlate_pair
 from piv.formats.plane_series import make_plane, read_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
 from piv.vortices.find import find_vortices
+from tests.tip_scene import tip_scene
 
 
 def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from docs.evidence.tip_scene import HALF_WIDTH, tip_scene, young_scene
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from tests.tip_scene import HALF_WIDTH, tip_scene, young_scene
 
 
 @pytest.mark.parametrize("core", [3e-3, 5e-3])

@@ -10,8 +10,6 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from docs.evidence.piv.particles import render
-from docs.evidence.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
-from docs.evidence.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 from piv import VortexSettings, open_recording, part_of_recording
 from piv.commands.correlate import make as make_vectors
 from piv.foreign.read import in_px
@@ -21,6 +19,8 @@ from piv.view.regions import write_regions
 from piv.view.scene import open_scene
 from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from tests.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 SQUARE = [[10.0, 10.0], [30.0, 10.0], [30.0, 40.0]]
 SHAPE = (96, 128)

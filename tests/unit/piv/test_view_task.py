@@ -1,24 +1,22 @@
 """A new user's task in `piv view`: mask a moving finger, find the vortex, read its circulation.
 
-python -m docs.evidence.viewer_session    (the repository's root; `make docs` runs it, too)
+python -m tests.viewer_session    (the repository's root; `make docs` runs it, too)
 """
 
 import re
-import sys
-import time
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
+import pytest
 
-from docs.evidence.viewer import click, drag, key, polygon, ready, serving, tool, until
-from docs.evidence.webdriver import Browser
 from piv.commands.correlate import make as correlate
 from piv.formats.plane_series import make_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from tests.viewer import click, drag, key, polygon, ready, serving, tool, until
+from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 GAMMA, CENTRE = 0.006, (0.030, 0.018)  # m²/s, m
 FRAMES, PIXEL = 6, 1e-4  # m
@@ -41,8 +39,8 @@ def film(folder: Path) -> None:
         cv2.imwrite(str(folder / f"frame_{k}.png"), frame.image)
 
 
-def session(browser: Browser, folder: Path, docs: Path) -> str:
-    """Do the task; pictures to `docs`; the circulation as the page says it."""
+def session(browser: Browser, folder: Path) -> str:
+    """Do the task with pictures `view_mask.png` and `view.png`; return what the page shows."""
     run, drawn, vectors = folder / "run", folder / "regions.json", folder / "piv.h5"
     with serving(run, "-o", drawn) as address:
         browser.open(address)
@@ -57,7 +55,7 @@ def session(browser: Browser, folder: Path, docs: Path) -> str:
         drag(browser, (90, 280), (90 + moved, 280))
         browser.run("$('save').click()")
         until(browser, "saved", "1 polygon")
-        browser.screenshot(docs / "view_mask.png")
+        browser.screenshot(folder / "view_mask.png")
     correlate(run, vectors, {"mask": str(drawn), "rate": 500.0, "scale_mm_per_px": 0.1}, quiet=True)
     with serving(vectors, "--images", run) as address:
         browser.open(address)
@@ -72,20 +70,15 @@ def session(browser: Browser, folder: Path, docs: Path) -> str:
         tool(browser, "look")
         click(browser, x - 0.004, y)
         until(browser, "vector", "vorticity")
-        browser.screenshot(docs / "view.png")
+        browser.screenshot(folder / "view.png")
     return text
 
 
-def main() -> None:
-    """The session, with its time and what it reads."""
-    begin = time.monotonic()
-    with TemporaryDirectory() as place, Browser(Path(place) / "profile", 1400, 820) as browser:
-        film(Path(place) / "run")
-        text = session(browser, Path(place), Path("docs"))
-    value = float(re.search(r"circulation (\S+)", text)[1])  # type: ignore[index]
-    error, took = value / GAMMA - 1, time.monotonic() - begin
-    print(f"{text}; exact {GAMMA} m²/s ({error:+.1%}); {took:.0f} s")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+@pytest.mark.skipif(not (CHROMIUM and CHROMEDRIVER), reason="needs chromium and chromedriver")
+def test_a_moving_finger_is_masked_and_the_circulation_of_a_vortex_is_read(tmp_path):
+    film(tmp_path / "run")
+    with Browser(tmp_path / "profile", 1400, 820) as browser:
+        text = session(browser, tmp_path)
+    circulation = float(re.search(r"circulation (\S+)", text)[1])
+    # PIV of six frames at the vortex' edge: the drawn square holds all of it but 0.01 %
+    assert circulation == pytest.approx(GAMMA, rel=0.05)
