@@ -147,6 +147,25 @@ def test_an_impulsive_start_of_the_wall_is_allowed(sudden):
     assert budget.add(20e-3, 0.0, 2 * energy, 0.0) is not None  # no jump of the wall
 
 
+@pytest.mark.parametrize("part, jumps", [(0.15, False), (0.25, True)])
+def test_a_wall_whose_speed_changes_by_a_fifth_of_its_peak_in_a_step_jumps(part, jumps):
+    """A jump of less than that does little work that no sample sees; the guard must not forgive it.
+
+    The energy from nothing after it is then found, too.
+    """
+    times = np.arange(41) * 1e-3
+    speed = np.minimum(np.arange(40) / 20, 1.0) * 0.3  # grows by a twentieth of its peak in a step
+    speed[30:] -= part * 0.3
+    path = np.concatenate([[0.0], np.cumsum(speed) * 1e-3])
+    positions = square()[None] + np.stack([path, 0 * path], -1)[:, None]
+    budget = energy_budget(positions, times, 0.03, 1000.0)
+    assert budget.unresolved(29e-3, 31e-3) is jumps
+    assert not budget.unresolved(2e-3, 28e-3)
+    energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
+    budget.begin(29e-3, 0.0, energy, 0.0)
+    assert (budget.add(31e-3, 0.0, 1.2 * energy, 0.0) is None) == jumps
+
+
 def sampled(folder, rows, part="0"):
     """Tables and surfaces of samples as the solver writes them."""
     table = folder / "volumes" / part / "volFieldValue.dat"
