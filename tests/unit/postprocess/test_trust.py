@@ -7,7 +7,7 @@ import pytest
 
 from postprocess.report.trust import level_error
 from postprocess.report.wording import power_sentence
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 
 TABLE = """# {"format": "tradeoff"}
 run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip,reference
@@ -77,7 +77,7 @@ def test_the_power_balance_in_short():
 
 
 def measured() -> pd.DataFrame:
-    results = ROOT / "cases" / "single_finger" / "studies" / "results" / "tradeoff.csv"
+    results = CASES / "single_finger" / "studies" / "results" / "tradeoff.csv"
     return pd.read_csv(results, comment="#").set_index("run")
 
 

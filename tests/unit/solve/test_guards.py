@@ -19,7 +19,7 @@ from pipeline.solve.guards import (
     energy_budget,
 )
 from pipeline.solve.solver import LOG, Watchdog, failed
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 STEP = (
     "Courant Number mean: 0.1 max: {courant}\nTime = {time}\n\nsmoothSolver:  Solving for Ux,"
@@ -254,7 +254,7 @@ def test_the_time_step_that_a_refusal_offers_is_accepted(scale, limit):
 
 def test_the_estimate_of_the_cells_is_of_the_right_size(tmp_path):
     """Measured: 1178 (tiny, 2-D); 3054 (smoke) and 63 thousand (coarse) of the shipped scene."""
-    shipped = ROOT / "cases" / "single_finger"
+    shipped = CASES / "single_finger"
     scenes = write_scene(tmp_path / "s"), *(load_scene(shipped, n) for n in ("smoke", "coarse"))
     for scene, cells in zip(scenes, (1178, 3054, 6.3e4), strict=True):
         assert cells / 3 < estimated_cells(scene) < 3 * cells

@@ -1,7 +1,6 @@
 """Loads on slices lose nothing; a stiffness in place of the analysis."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,9 @@ from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import Surroundings
+from tests.conftest import CASES
 
-STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
+STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
 
 

@@ -23,9 +23,9 @@ from softfinger.study.accuracy import (
 from softfinger.study.errors import dorsal_error, force_error, own_errors, vortex_errors, worst
 from softfinger.study.plan import Row
 from softfinger.study.tradeoff import finest, front, write_results
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
-SINGLE = ROOT / "cases" / "single_finger"
+SINGLE = CASES / "single_finger"
 SETTINGS = [
     Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
     Setting(Row("coarse", "coarse"), 0.04, {"run": 300.0, "mesh": 10.0}),
