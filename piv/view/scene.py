@@ -15,10 +15,10 @@ from fileio.formats.recording import pixel_of
 from fileio.hdf5 import open_hdf5
 from piv.correlation.options import Options
 from piv.foreign.read import open_vectors
-from piv.images.image_files import PAIRINGS
+from piv.images.file_names import PAIRINGS
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
-from piv.sequence.sequence import SequenceOptions, frame_sets
+from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from piv.vortices.criteria import gradients, vorticity
 
 _LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out

@@ -15,8 +15,9 @@ from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.images.open_recording import open_recording
+from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.multiframe import correlate_frames
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
 from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render

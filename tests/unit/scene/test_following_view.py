@@ -10,7 +10,7 @@ from pipeline.kinematics.view import TipPath
 from pipeline.runs.make import Machine, make
 from pipeline.runs.run import open_run
 from pipeline.scene.limits import field_count
-from piv.sequence.sequence import SequenceOptions, frame_sets
+from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from tests.conftest import ROOT, motion_of, write_scene
 
 SINGLE = ROOT / "cases" / "single_finger"
