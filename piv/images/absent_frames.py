@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
-from fileio.formats.plane_series import NO_PICTURE, REPEATED
+from piv.formats.plane_series import NO_PICTURE, REPEATED
 from piv.images.recording import Recording, UnreadableFrame
 
 _TYPICAL = 15  # frames, evenly chosen, that show what a frame of the recording looks like

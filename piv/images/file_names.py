@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.json_text import natural_key
+from piv.files.json_text import natural_key
 
 PAIRINGS = ("1-2,2-3", "1-2,3-4")
 MOST_GAPS = 0.4  # of the neighbours: couples 1, 2, 11, 12, 21, 22 have as many, and lack none

@@ -14,7 +14,10 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.formats.plane_series import (
+from piv.correlation.options import Options
+from piv.correlation.pair import correlate_pair
+from piv.correlation.pair_images import BlankImage, check_images
+from piv.formats.plane_series import (
     AXES,
     NO_PICTURE,
     REPEATED,
@@ -23,11 +26,8 @@ from fileio.formats.plane_series import (
     provenance,
     usable,
 )
-from fileio.formats.recording import CAMERA
-from fileio.formats.resumable import SeriesWriter
-from piv.correlation.options import Options
-from piv.correlation.pair import correlate_pair
-from piv.correlation.pair_images import BlankImage, check_images
+from piv.formats.recording import CAMERA
+from piv.formats.resumable import SeriesWriter
 from piv.images.absent_frames import absent_frames
 from piv.images.file_names import PAIRINGS
 from piv.images.preprocess import Preprocessor

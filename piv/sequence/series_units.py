@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.recording import pixel_of
+from piv.formats.recording import pixel_of
 from piv.images.recording import Recording
 
 

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import NO_PICTURE, REPEATED, absent, make_plane, read_plane
-from fileio.formats.resumable import SeriesWriter
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
+from piv.formats.plane_series import NO_PICTURE, REPEATED, absent, make_plane, read_plane
+from piv.formats.resumable import SeriesWriter
 from piv.images.absent_frames import absent_frames
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import background
