@@ -119,8 +119,8 @@ STAGES = (
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        version=6,
+        ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "loss_factor"}}, cost=(3, 500),
+        version=7,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
 from pipeline.structure.motion import Surroundings, motion
+from pipeline.structure.vibration import slowness
 
 _GRAVITY = 9.81  # m/s²
 # by whether the flow is plane: added mass and drag where no run gives them (docs/coupling.md)
@@ -33,7 +34,9 @@ class ElasticFinger:
     root: FloatArray  # m
     water: Surroundings  # without modelled water
     model: Surroundings  # with it
+    air: Surroundings
     known: bool
+    period: float = 0.0  # s, of its first vibration in modelled water
 
     @classmethod
     def of(cls, scene: Scene) -> ElasticFinger:
@@ -45,17 +48,24 @@ class ElasticFinger:
         known = bending_law(states, scene.structure.bending_stiffness)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
-        density, damping = scene.fluid.density, scene.structure.damping
         mass, drag = _MODELLED[scene.model.kind == "2d"]
         down = complex(*(frame @ [0.0, -_GRAVITY]))
+        chain = Chain(states, law, scene.finger.width)
+        swings_at = float(pressure[np.argmax(np.abs(pressure))])
+        loss_factor = scene.structure.loss_factor
+        wet, air = Surroundings(down, scene.fluid.density, mass, drag), Surroundings(down)
+        in_water, in_air = (slowness(chain, swings_at, each) for each in (wet, air))
+        model = replace(wet, damping=loss_factor * in_water)
         return cls(
-            Chain(states, law, scene.finger.width),
+            chain,
             chambers,
             frame,
             np.asarray(scene.finger.root),
-            Surroundings(down, density, damping=damping),
-            Surroundings(down, density, mass, drag, damping),
+            replace(model, added_mass=0.0, drag=0.0),
+            model,
+            replace(air, damping=loss_factor * in_air),
             known is not None,
+            2 * np.pi * in_water,
         )
 
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:

@@ -45,7 +45,9 @@ EARLIER = 4  # times before one that its rates need
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Gravity in the actuator's frame, the fluid (kg/m³; 0: none), modelled water and damping (s).
+    """Gravity in the actuator's frame, the fluid (kg/m³; 0: none), modelled water and damping.
+
+    `damping`: the rubber's viscous stress by rate over its elastic stress by strain, s.
 
     `added_mass` and `drag` are coefficients of a water that `loads` then must not hold; so are
     `inertia` (slice, 3, slice): loads by the slices' angular accelerations, N s² and N m s².

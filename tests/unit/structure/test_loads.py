@@ -29,7 +29,7 @@ def test_no_force_and_no_moment_is_lost():
     pressure = np.array([2e4])
     still = np.zeros((1, chain.slices))
     water = Surroundings()
-    finger = ElasticFinger(chain, None, np.eye(2), np.zeros(2), water, water, True)
+    finger = ElasticFinger(chain, None, np.eye(2), np.zeros(2), water, water, water, True)
     posed = Posed(finger, 2e4, still[0])
     at = posed.placed
     profile = chain.profile(pressure, still)[0]
