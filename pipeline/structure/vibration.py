@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 from pipeline.structure.chain import GAP, MIDDLE, RUBBER, Chain, placed
 from pipeline.structure.motion import Surroundings
 
