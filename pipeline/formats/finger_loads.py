@@ -65,7 +65,7 @@ def _damping(values: Mapping[str, Any]) -> str:
 
 def motion_sentence(values: Mapping[str, Any]) -> str:
     """What the water does to the motion, in words, from the values of a loads.h5."""
-    if values["unknown"]:
+    if values["unknown"] and not values["coupled"]:
         return str(values["unknown"])
     if values["coupled"]:
         order = ", continued to first order," if values["first_order"] else ""
@@ -86,6 +86,7 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
                 else ""
             )
             + _damping(values)
+            + f" {values['unknown']}".rstrip()
         )
     bend, wet = (np.degrees(np.asarray(values[name])) for name in ("bend", "bend_in_water"))
     step, apart = np.asarray(values["step"]), wet - bend

@@ -30,7 +30,7 @@ from pipeline.structure.chain import (
 from piv.files.errors import StageError
 
 STEP = 1e-3  # s, of the finger's own motion
-_LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
+LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
 _ITERATIONS = 40
 _TOLERANCE = 1e-10  # rad, of the last correction
 _LARGEST_CORRECTION = 0.2  # rad
@@ -178,7 +178,7 @@ def advance(
 
     name = f"at {times[0] * step:.4g} s"
     delta = _newton(residual, 3 * before[0] - 3 * before[1] + before[2], name)
-    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > _LARGEST_SHARE:
+    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > LARGEST_SHARE:
         raise StageError(
             f"{name} the finger bears a moment far beyond the table of states.h5"
             f" ({chain.law.moment[-1]:.2g} N m): it bends too far to be computed; check the motion"

@@ -17,9 +17,10 @@ from pipeline.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.structure.energy import energies
-from pipeline.structure.finger import ElasticFinger, Posed
+from pipeline.structure.finger import ElasticFinger, Posed, copies
 from pipeline.structure.motion import STEP, at_rest, motion
 from pipeline.structure.vibration import LOSS_BAND
+from piv.files.errors import StageError
 
 _UNKNOWN = (
     "The motion is prescribed, and motion.states says no bending stiffness, so what the water would"
@@ -27,6 +28,7 @@ _UNKNOWN = (
     " (N m2)."
 )
 _STEPS, _VIBRATIONS = 150, 8  # of a vibration; after the run: one loses a third of its energy
+_NOT_FOLLOWED = "The finger's motion in air and in modelled water is not computed"
 _RIGID = "The body is rigid: no load bends it."
 
 
@@ -39,11 +41,13 @@ def _measured_loads(
     """
     chain = finger.chain
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
-    copies, density = PER_FINGER[scene.model.kind], scene.fluid.density
+    # a prescribed motion's loads are those of the flow that is shown
+    parts = copies(scene) if scene.coupled else PER_FINGER[scene.model.kind]
+    density = scene.fluid.density
     time = np.array([time for time, _ in samples])
     pressure, delta = pressures(time), turns(time)
     found = [
-        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, copies, scene.both_fingers)
+        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, parts, scene.both_fingers)
         for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None))
     ]
     loads = np.array([each for each, _ in found])
@@ -126,10 +130,13 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
     values |= _measured_loads(scene, finger, pressures, CubicSpline(time, delta), quiet)
     if not values["unknown"]:
-        values |= _history(finger, time, pressures(time), delta, values)
-        if "loss_factor" not in scene.structure.model_fields_set:
-            every = max(1, round(finger.period / _STEPS / float(time[1])))
-            values |= _band(finger, pressures(time)[::every], every * float(time[1]))
+        try:
+            values |= _history(finger, time, pressures(time), delta, values)
+            if scene.pinch is None and "loss_factor" not in scene.structure.model_fields_set:
+                every = max(1, round(finger.period / _STEPS / float(time[1])))
+                values |= _band(finger, pressures(time)[::every], every * float(time[1]))
+        except StageError as error:  # the page goes without
+            values["unknown"] = f"{_NOT_FOLLOWED}: {error}."
     write_loads(scene.out / "loads.h5", values)
     if not quiet:
         print(f"loads: {motion_sentence(values)}")
