@@ -121,8 +121,8 @@ STAGES = (
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        by_sources=True,
+        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "loss_factor"}},
+        cost=(3, 500), by_sources=True,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
