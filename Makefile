@@ -6,7 +6,7 @@ SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION \
-            ACCOUNT RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK
+            ACCOUNT RETRIES STUDIES UNTIL WHOLE SNAKEFLAGS DPIV INPUTS QUICK
 export $(VALUES)
 
 SHELL    := /bin/sh
@@ -33,7 +33,8 @@ help: ## this list
 	@echo "    LEVEL=smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine and"
 	@echo "    reference (hours)"
 	@echo "    NP=4 MPI ranks, HOSTS=hosts.txt, COLLATED=1; QUIET=1; WHOLE=1 with view: the whole tank"
-	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
+	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured;"
+	@echo "    with UNTIL=0.2s of the errors until then"
 	@echo "    COUPLED=1: pressure and water make the motion together"
 	@echo "    SLURM=1 [NODES=.. MINUTES=.. PARTITION=.. ACCOUNT=.. RETRIES=..]: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \

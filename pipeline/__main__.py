@@ -22,7 +22,7 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 # values that make hands on by the environment
 MAKE_VALUES = ["LEVEL", "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET"]
 MAKE_VALUES += ["SLURM", "NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES"]
-MAKE_VALUES += ["WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK"]
+MAKE_VALUES += ["UNTIL", "WHOLE", "SNAKEFLAGS", "DPIV", "INPUTS", "QUICK"]
 SLURM_VALUES = {"NODES", "MINUTES", "PARTITION", "ACCOUNT", "RETRIES"}
 DEFAULT_RANKS = min(4, CORES)  # more ranks rarely pay
 
@@ -44,6 +44,13 @@ Switch = Annotated[bool, Parameter(negative="")]
 Coupled = Annotated[bool, Parameter(env_var="COUPLED", negative="")]
 Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]
 Budget = Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")]
+Until = Annotated[
+    str,
+    Parameter(
+        env_var="UNTIL",
+        help="Last stage: see softfinger stages; of --accuracy: when it no longer counts, as 0.2s.",
+    ),
+]
 RunNames = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
 
 
@@ -51,7 +58,7 @@ RunNames = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of it
 def run(
     scene: Scene,
     *,
-    until: Annotated[str, Parameter(help="Last stage: see softfinger stages.")] = "report",
+    until: Until = "report",
     level: Level = "coarse",
     set_: Overrides = [],  # noqa: B006
     name: Annotated[str, Parameter(help="Folder of the results of a run with --set.")] = "",
@@ -80,8 +87,11 @@ def run(
     """
     from pipeline.runs.estimate import duration, estimate
     from pipeline.runs.make import Machine, make
+    from pipeline.runs.stages import TARGETS
     from pipeline.scene.predicted import predicted
 
+    part = until if (accuracy or budget) and until not in TARGETS else ""  # of the stroke
+    until = "report" if part else until
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
@@ -95,7 +105,7 @@ def run(
     if accuracy or budget:
         from pipeline.study.accuracy import make_cheapest
 
-        made = make_cheapest(scene, accuracy, budget, machine, quiet)
+        made = make_cheapest(scene, accuracy, budget, part, machine, quiet)
     elif slurm:
         from pipeline.study.plan import plan_scene
 
@@ -170,7 +180,7 @@ def study(
 
 
 @app.command
-def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
+def tradeoff(scene: Scene = Path("cases/single_finger"), *, only: RunNames = "") -> None:
     """Measure the cost of accuracy, which ACCURACY and BUDGET need; hours.
 
     A scene without a studies/tradeoff.csv takes that of the scene that it extends.
@@ -178,7 +188,8 @@ def tradeoff(scene: Scene = Path("cases/single_finger")) -> None:
     from pipeline.study.accuracy import study_table
     from postprocess.studies.tradeoff import write_tradeoff
 
-    write_tradeoff(study(study_table(_open(scene, "coarse").scene), scene=scene))
+    plan = study(study_table(_open(scene, "coarse").scene), scene=scene, only=only)
+    write_tradeoff(plan, only.replace(",", " ").split())
 
 
 @app.command
