@@ -82,7 +82,7 @@ def _said(windows: pd.DataFrame, table: pd.DataFrame, scene: str, level: str) ->
         for error, end in zip(windows["error"], windows["end_s"], strict=True)
     )
     against = "extrapolated from the two levels below"
-    if isinstance(best := windows["reference"].iloc[0], str):
+    if pd.notna(best := windows["reference"].iloc[0]):
         against = f"against level {best}, the finest whole stroke that was run"
         own = table.loc[table["run"] == best, "error"].max()
         if pd.notna(own):
