@@ -1,7 +1,6 @@
 """Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
 
 import csv
-import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,22 +19,21 @@ from piv.files.json_text import parse_json
 from piv.files.record import read_record
 from softfinger.make import Machine, make
 from softfinger.study.machine_speed import probe
-from softfinger.study.rows import Row, parse_cell, read_study
+from softfinger.study.rows import read_study
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
-_TURBULENCE = "fluid.turbulence"
-_NOT_A_SETTING = {"sheet.rate_hz"}  # the study reduces it to save time
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A measured setting: overrides of the scene, CPU seconds by stage, relative errors.
+    """A measured level: MPI ranks, CPU seconds by stage, relative errors.
 
     `errors`: the largest in each window of the stroke, by the window's start (s).
     """
 
-    row: Row
+    level: str
+    ranks: int
     errors: dict[float, float]
     seconds: dict[str, float]
 
@@ -139,17 +137,10 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
     settings = []
     for record in records:
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
-        if not record["error"] or record["kind"] != "flow" or not seconds:
-            continue
-        overrides = {
-            k: parse_cell(v)
-            for k, v in record.items()
-            if "." in k and v and k not in _NOT_A_SETTING
-        }
-        if _TURBULENCE in overrides:
-            continue  # another model of the water, not another accuracy of it
-        row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
-        settings.append(Setting(row, errors[record["run"]], seconds))
+        # the page of a level knows its errors with no other key changed
+        if record["error"] and record["run"] == record["level"] and seconds:
+            ranks = int(float(record["ranks"]))
+            settings.append(Setting(record["level"], ranks, errors[record["run"]], seconds))
     if "probe" not in head or not settings:
         raise StageError(f"{path}: no probe or no settings in it; {remedy}")
     return settings, head
@@ -211,7 +202,7 @@ def choose(
             best = min(order, key=lambda k: errors[k])
             raise StageError(
                 f"no measured setting reaches {100 * most_error:.3g} %; the best,"
-                f" {settings[best].row.run}, is within {100 * errors[best]:.3g} %: give"
+                f" {settings[best].level}, is within {100 * errors[best]:.3g} %: give"
                 " that, a part of the stroke (UNTIL=0.2s), or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
@@ -221,7 +212,7 @@ def choose(
         fast = min(order, key=lambda k: times[k])
         raise StageError(
             f"no measured setting takes {most_time:.0f} s or less; the fastest,"
-            f" {settings[fast].row.run}, takes {times[fast]:.0f} s"
+            f" {settings[fast].level}, takes {times[fast]:.0f} s"
         )
     return min(good, key=lambda k: errors[k])
 
@@ -256,19 +247,19 @@ def make_cheapest(
     here = probe()
     times = [predicted_time(setting, head["probe"], here) for setting in settings]
     index = choose(settings, times, error, time, last)
-    row, found = settings[index].row, settings[index].error(last)
-    run = open_run(folder, row.level, row.overrides, folder / "out" / "asked" / row.run)
+    chosen, found = settings[index], settings[index].error(last)
+    run = open_run(folder, chosen.level, {}, folder / "out" / "asked" / chosen.level)
     if not quiet:
         print(
-            f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
-            f" {found:.1%}{f' until {last:g} s' if until else ''}; about {times[index]:.0f} s of"
-            " CPU on this machine"
+            f"level {chosen.level}: measured error {found:.1%}"
+            f"{f' until {last:g} s' if until else ''}; about {times[index]:.0f} s of CPU on this"
+            " machine"
         )
         if doubt := reference_warning(head, max(error or 0.0, found), last):
             print(doubt)
-        if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
+        if unknown := [s.name for s in STAGES if s.name not in chosen.seconds]:
             print(f"not counted, because not measured: {', '.join(unknown)}")
-    make(run, "report", replace(machine, ranks=row.ranks), quiet)
+    make(run, "report", replace(machine, ranks=chosen.ranks), quiet)
     if not quiet:
         records = [read_record(run.out, stage.name) for stage in STAGES]
         cpu = sum(record["cpu_time"] for record in records if record)
