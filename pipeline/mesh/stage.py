@@ -128,7 +128,7 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
     shapes = setting.shapes
     ends = [part.low, part.high, part.middle]
     low, high, middle = np.interp(ends, setting.deformation, shapes.parameter)
-    near = shapes.near
+    near = shapes.tip
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
     if mesh.near == "tip":

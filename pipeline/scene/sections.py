@@ -250,7 +250,7 @@ class Mesh(Section):
     near: Literal["path", "tip"] = "path"
     """All the tip's places; or that of the shape which is meshed, whose cells move with the tip"""
     near_offset: tuple[Number, Number] = (0.0, 0.0)
-    """Of the middle of the small cells from the tip: beyond its end, and behind its motion [m]"""
+    """With near = "tip", of the small cells' middle: beyond the tip, and behind its motion [m]"""
     far_cell: Positive
     """Largest cell of the tank [m]"""
     edge_layer: Positive = 1.0e-3
