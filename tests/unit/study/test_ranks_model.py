@@ -4,9 +4,9 @@ import re
 
 import pytest
 
+from docs.evidence.ranks import prediction, step_time, useful_ranks
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.runs.estimate import duration
-from softfinger.study.predict import prediction, step_time, useful_ranks
 from tests.conftest import write_scene
 
 
