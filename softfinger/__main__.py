@@ -41,7 +41,7 @@ Overrides = Annotated[
     ),
 ]
 Switch = Annotated[bool, Parameter(negative="")]
-Coupled = Annotated[bool, Parameter(env_var="COUPLED", negative="")]
+Coupled = Annotated[bool | None, Parameter(env_var="COUPLED", negative="--prescribed")]
 Accuracy = Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")]
 Budget = Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")]
 RunNames = Annotated[str, Parameter(env_var="STUDIES", help="Names of some of its runs.")]
@@ -58,7 +58,7 @@ def run(
     ranks: Ranks = DEFAULT_RANKS,
     hosts: Annotated[Path | None, Parameter(env_var="HOSTS", help="MPI host file.")] = None,
     collated: Annotated[bool, Parameter(env_var="COLLATED", negative="")] = False,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     accuracy: Accuracy = "",
     budget: Budget = "",
     slurm: Annotated[bool, Parameter(env_var="SLURM", negative="")] = False,
@@ -72,7 +72,7 @@ def run(
     collated
         One file for all ranks, not one for each.
     coupled
-        Pressure and water make the motion together.
+        Pressure and water make the motion together, or it is prescribed; absent: as the scene.
     slurm
         As batch jobs.
     dry_run
@@ -83,12 +83,13 @@ def run(
     from softfinger.make import Machine, make
 
     machine = Machine(ranks, min(ranks, CORES), hosts, collated)
-    chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
+    chosen: dict[str, Any] = {"COUPLED": coupled is not None, "SLURM": slurm}
+    chosen |= {"ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
     others = {" and ".join(modes[1:]): len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
     others |= {"HOSTS": hosts is not None}
     others |= {"LEVEL, which it chooses": bool(accuracy or budget) and level != "coarse"}
-    if not coupled:  # which is one run of its own
+    if coupled is None:  # else it is one run of its own
         others |= {"one stage": until != "report", "--dry-run": dry_run}
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
@@ -103,7 +104,7 @@ def run(
             raise SystemExit(code)
         made = _open(scene, level)
     else:
-        made = _coupled(scene, level) if coupled else _open(scene, level, set_, name)
+        made = _open(scene, level, set_, name) if coupled is None else _moved(scene, level, coupled)
         if dry_run:
             made.check(until)
             stale = made.stale(until)
@@ -215,7 +216,7 @@ def view(
     level: Level = "coarse",
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     whole: Annotated[bool, Parameter(env_var="WHOLE", negative="")] = False,
 ) -> None:
     """Write a run as a time series for ParaView.
@@ -223,14 +224,14 @@ def view(
     Parameters
     ----------
     coupled
-        The run in which pressure and water make the motion together.
+        The run in which pressure and water make the motion together, or the prescribed one.
     whole
         Mirror at the planes of symmetry: the whole tank.
     """
     from pipeline.paraview.command import view as write
     from softfinger.make import Machine, make
 
-    made = _coupled(scene, level) if coupled else _open(scene, level)
+    made = _moved(scene, level, coupled)
     make(made, "solve", Machine(ranks, min(ranks, CORES)), quiet)
     write(made.scene, whole, quiet)
 
@@ -286,7 +287,7 @@ def compare(
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
     quick: Annotated[bool, Parameter(env_var="QUICK", negative="")] = False,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     ranks: Ranks = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
@@ -297,7 +298,7 @@ def compare(
     quick
         Compare the motion only; nothing is solved.
     coupled
-        Compare the motion that pressure and water make together.
+        Compare the motion that pressure and water make together, or the prescribed one.
     """
     from softfinger.laboratory import compare_with
     from softfinger.make import Machine
@@ -305,7 +306,7 @@ def compare(
     if dpiv is None:
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
-    run_ = _coupled(scene, level) if coupled else _open(scene, level)
+    run_ = _moved(scene, level, coupled)
     page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
     print(f"report: {page.resolve()}")
 
@@ -388,13 +389,14 @@ def _open(scene: Path, level: str, values: list[str] = [], name: str = "") -> An
     return open_run(scene, level, overrides, out)
 
 
-def _coupled(scene: Path, level: str) -> Any:
-    """The run of a scene in which pressure and water make the motion; it has its own folder."""
-    from pipeline.runs.run import coupled_out, open_run
+def _moved(scene: Path, level: str, coupled: bool | None) -> Any:
+    """The run of a scene, coupled or prescribed; in an own folder where its file differs."""
+    from pipeline.runs.run import open_run, other_motion
 
-    plain = _open(scene, level).scene
-    overrides = {"motion.source": "structure", "title": f"{plain.title}, coupled"}
-    return open_run(scene, level, overrides, coupled_out(plain.out))
+    plain = _open(scene, level)
+    if coupled is None or coupled == plain.scene.coupled:
+        return plain
+    return open_run(scene, level, *other_motion(plain.scene))
 
 
 def _snakemake(plan: Path, slurm: bool, collated: bool = False) -> int:
