@@ -249,6 +249,8 @@ class Mesh(Section):
     """From where the tip is: see near [m]"""
     near: Literal["path", "tip"] = "path"
     """All the tip's places; or that of the shape which is meshed, whose cells move with the tip"""
+    near_offset: tuple[Number, Number] = (0.0, 0.0)
+    """With near = "tip", of the small cells' middle: beyond the tip, and behind its motion [m]"""
     far_cell: Positive
     """Largest cell of the tank [m]"""
     edge_layer: Positive = 1.0e-3

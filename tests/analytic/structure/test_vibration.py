@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from tests.shared_data import shared_data
 
 from pipeline.scene.sections import Structure
 from pipeline.structure.motion import Surroundings, at_rest, motion
 from pipeline.structure.vibration import LOSS_BAND, slowness
 from tests.analytic.structure.beams import beam
-from tests.shared_data import shared_data
 
 # Dragon Skin 10, by Dubied et al.: N/m², kg/m³; the beams' section and length, m
 MODULUS, DENSITY, SIDE, LENGTH = 263.8e3, 1070.0, 0.030, 0.100
