@@ -64,8 +64,8 @@ def open_moved(
     scene: Path,
     level: str,
     coupled: bool | None,
-    values: list[str] = [],
-    name: str = "",  # noqa: B006
+    values: list[str] = [],  # noqa: B006
+    name: str = "",
 ) -> Any:
     """Open a run as `open_scene`, coupled or prescribed: in an own folder if its file differs."""
     from pipeline.runs.run import open_run, other_motion

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.formats.bending_states import FloatArray, States
 from pipeline.formats.mesh_intervals import PER_FINGER
-from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
+from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
@@ -47,6 +47,7 @@ class ElasticFinger:
         if states is None:
             lowest, highest = float(pressure.min()), float(pressure.max())
             states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+            chambers = within(chambers, states)
         known = bending_law(states, scene.structure.bending_stiffness)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
