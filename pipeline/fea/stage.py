@@ -13,6 +13,7 @@ from pipeline.formats.bending_states import write
 from pipeline.scene.read_toml import OWN_STATES
 from pipeline.scene.scene import Scene, load_scene
 from piv.files.errors import StageError
+from piv.files.record import check_own
 
 _USED_BY = ("fea", "structure")  # of motion.source
 
@@ -35,6 +36,7 @@ def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes
     except (ValueError, RuntimeError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
     target = output or scene.folder / OWN_STATES
+    check_own(target.parent)
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")

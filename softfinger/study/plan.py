@@ -9,7 +9,7 @@ from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run, run_of
 from pipeline.runs.stages import BY_NAME
 from piv.files.errors import StageError
-from piv.files.record import forget, record_path
+from piv.files.record import check_own, forget, record_path
 from softfinger.make import Machine, make_stage
 from softfinger.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from softfinger.study.rows import Row
@@ -141,5 +141,6 @@ def _job(
 
 def _write(home: Path, study: str, runs: list[dict[str, Any]], jobs: dict[str, Any]) -> Path:
     path = home / "out" / "studies" / study / "plan.json"
+    check_own(path.parent)
     STUDY_PLAN.write(path, {"study": study, "home": str(home), "runs": runs, "jobs": jobs})
     return path

@@ -11,6 +11,7 @@ from typing import Any
 
 from pipeline.runs.stages import FEA, TARGETS
 from piv.files.errors import StageError
+from piv.files.record import NAME
 
 _OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
 
@@ -94,7 +95,7 @@ def _row(path: Path, record: dict[str | None, Any]) -> Row:
 
 def check_name(name: str, key: str) -> None:
     """StageError where a name could be no folder of its own."""
-    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
+    if not re.fullmatch(NAME, name):
         raise StageError(f"{key} = {name!r}: give a name of letters, digits, '_', '-' and '.'")
 
 

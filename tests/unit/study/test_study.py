@@ -100,7 +100,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
         ("a, tiny, solve, 0, , , , \n", "ranks = '0'"),
         ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
         ("../a, tiny, solve, 1, , , , \n", "run = '../a'"),
-        ("a, tiny, solve, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
+        ("a, tiny, solve, 1, , , , \na, tiny, solve, 1, , , , \n", "occurs twice"),
         ("", "no rows"),
         ("a, tiny, solve, 1, , , 4d, \n", "run a: "),
         ("a, tiny, solve, 1, , 3e-4, , \n", "numerics.time_step"),
