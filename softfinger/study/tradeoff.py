@@ -119,7 +119,7 @@ def _evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.Da
     if len(whole):
         planes = (native / table["rate_hz"])[flow]
         table = table.join(_predictions(table[flow], planes, whole.iloc[0]))
-    stages = ["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]
+    stages = ["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_solve_s"]
     table["cpu_flow_s"] = table[stages].sum(axis=1)
     if is_piv.any():
         table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]

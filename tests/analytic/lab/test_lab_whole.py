@@ -112,7 +112,7 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     assert abs(quantities["circulation"]["error"][0] / quantities["circulation"]["data"][0]) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
-    with pytest.raises(StageError, match="QUICK=1 compares the motion, which vectors do not"):
+    with pytest.raises(StageError, match="--quick compares the motion, which vectors do not"):
         compared(run, tmp_path / "sound", quick=True)
 
 

@@ -172,7 +172,7 @@ def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
 
 
 def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:
-    monkeypatch.setattr(program, "_snakemake", lambda *_, **__: 3)
+    monkeypatch.setattr(program, "schedule", lambda *_: 3)
     with pytest.raises(SystemExit) as end:
         program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
     assert end.value.code == 3

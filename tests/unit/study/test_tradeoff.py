@@ -27,9 +27,9 @@ from tests.conftest import ROOT
 
 SINGLE = ROOT / "cases" / "single_finger"
 SETTINGS = [
-    Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
-    Setting(Row("coarse", "coarse"), 0.04, {"run": 300.0, "mesh": 10.0}),
-    Setting(Row("fine", "fine"), 0.01, {"run": 5000.0, "mesh": 60.0}),
+    Setting(Row("draft", "draft"), 0.2, {"solve": 40.0, "mesh": 5.0}),
+    Setting(Row("coarse", "coarse"), 0.04, {"solve": 300.0, "mesh": 10.0}),
+    Setting(Row("fine", "fine"), 0.01, {"solve": 5000.0, "mesh": 60.0}),
 ]
 
 
@@ -145,9 +145,9 @@ def results() -> pd.DataFrame:
             "error_circulation": [0.1, 0.86, np.nan], "error_dorsal": [0.05, 0.9, np.nan],
             "error_centre_mm": [0.5, 2.7, np.nan], "error_velocity": [0.02, 0.1, np.nan],
             "error_force": [0.05, 1.7, np.nan], "error": [0.1, 1.7, np.nan], "tip_width_mm": 16.7,
-            "openfoam": "v1912", "cpu_run_s": [45.0, 9.0, 2500.0], "peak_force_N": 0.07,
+            "openfoam": "v1912", "cpu_solve_s": [45.0, 9.0, 2500.0], "peak_force_N": 0.07,
             "circulation_cfd_m2_per_s": [-0.0075, -0.0135, -0.0072],
-            "predict_run_s": [45.0, 9.0, 2500.0], "front": [True, True, False],
+            "predict_solve_s": [45.0, 9.0, 2500.0], "front": [True, True, False],
         }
     )  # fmt: skip
     piv = pd.DataFrame(
@@ -197,7 +197,7 @@ def test_results_that_can_be_chosen_from(tmp_path):
     assert [s.row.run for s in settings] == ["draft", "draft_2d"]
     # the sampling rate of the study is no setting
     assert settings[1].row.overrides == {"model.kind": "2d"}
-    assert settings[1].seconds == {"run": 9.0}
+    assert settings[1].seconds == {"solve": 9.0}
 
 
 def test_the_finest_finished_run_is_the_reference(tmp_path):

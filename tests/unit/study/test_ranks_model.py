@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.runs.estimate import duration
-from softfinger.study.predict import prediction, step_time, useful_ranks
 from tests.conftest import write_scene
+from tests.studies.ranks import prediction, step_time, useful_ranks
 
 
 @pytest.mark.parametrize("ranks, measured", [(1, 0.2269), (2, 0.1269)])

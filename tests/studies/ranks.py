@@ -1,5 +1,9 @@
 """Prediction of a run's time on n ranks, and of the useful number of ranks.
 
+    python -m tests.studies.ranks
+
+writes docs/record/ranks.txt.
+
 Time of a step of N cells on n ranks, with the constants below:
 
     t(n) = f + s N + w N/n · b(n) · i(n) + messages + sums
@@ -15,8 +19,12 @@ import numpy as np
 from pipeline.formats.mesh_intervals import read_intervals, read_sweep
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.runs.estimate import duration
+from pipeline.runs.run import open_run
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene
+from piv.files.atomic import write_text
+from softfinger.make import Machine, make
+from tests.conftest import ROOT
 
 _RANKS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 # Measured 2026-11-22: single_finger at level coarse, 74305 cells in 4243 columns, moving mesh and
@@ -114,6 +122,20 @@ def prediction(scene: Scene, cells: int, columns: int) -> str:
         f" proportion to pressure solves; two ranks slow each other down by {_PAIR - 1:.0%} (all"
         f" measured), a full node of {_NODE} ranks by {_SATURATED - 1:.0%} (Galeazzo et al. 2024);"
         f" latency {1e6 * _LATENCY:.1f} µs and {_BANDWIDTH / 1e9:.2g} GB/s of a rank (InfiniBand);"
-        " an idle machine like the one of pipeline/study/predict.py.",
+        " an idle machine like the one of tests/studies/ranks.py.",
     ]
     return "\n".join(lines)
+
+
+def main() -> None:
+    """Write the prediction of single_finger at two levels, whose meshes are made first."""
+    texts = []
+    for level in ("coarse", "fine"):
+        run = open_run(ROOT / "cases" / "single_finger", level)
+        make(run, "case", Machine())
+        texts.append(report(run.scene))
+    write_text(ROOT / "docs" / "record" / "ranks.txt", "\n\n\n".join(texts) + "\n")
+
+
+if __name__ == "__main__":
+    main()
