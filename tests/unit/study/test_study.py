@@ -183,3 +183,10 @@ def test_a_value_is_written_as_in_json_or_as_in_the_scene() -> None:
     assert parse_cell('[{"pressure_kpa": 20.0, "start": 0.1}]') == stroke
     assert parse_cell("[{ pressure_kpa = 20.0, start = 0.1 }]") == stroke
     assert (parse_cell("1e-3"), parse_cell("LUST"), parse_cell("true")) == (1e-3, "LUST", True)
+
+
+@pytest.mark.parametrize("name", ["a b", "a$(touch made)b", "o'brien", "a{b}"])
+def test_a_folder_whose_name_a_shell_or_snakemake_would_read_is_refused(tmp_path, name) -> None:
+    scene = write_scene(tmp_path / name)
+    with pytest.raises(StageError, match="a study's jobs need paths of letters.*rename the folder"):
+        planned(scene.folder, "a, tiny, mesh, 1, , , , \n")
