@@ -74,23 +74,22 @@ tradeoff: .venv-study/.ready ## what accuracy costs (hours): ACCURACY and BUDGET
 validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
-	@$(RUN) study cases/validation/studies/plate_rotating.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
-	@nice $(PY) -m tests.studies.validation
+	@nice $(PY) -m docs.evidence.validation
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
-	@$(PY) -m tests.studies.reference
+	@$(PY) -m docs.evidence.reference
 	@for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
-	@$(PY) -m tests.studies.pictures $$DOCS
+	@$(PY) -m docs.evidence.pictures $$DOCS
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
 	@echo "site: $$PWD/site/index.html"
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
-	@$(PY) -m tests.studies.piv
+	@$(PY) -m docs.evidence.piv
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once
-	@$(PY) -m tests.studies.faults
+	@$(PY) -m docs.evidence.faults
 
 test-slurm: .venv-study/.ready ## a real Slurm of one node, started and stopped by the test (root)
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s

@@ -28,6 +28,7 @@ from softfinger.options import (
 )
 from softfinger.study.command import job, schedule, study, tradeoff
 
+_UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its errors, as 0.2s."
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
@@ -43,7 +44,7 @@ app.command(job, show=False)
 def run(
     scene: SceneFolder,
     *,
-    until: Annotated[str, Parameter(help="Last stage: see softfinger stages.")] = "report",
+    until: Annotated[str, Parameter(help=_UNTIL)] = "report",
     level: Level = "coarse",
     set_: Overrides = [],  # noqa: B006
     name: Annotated[str, Parameter(help="Folder of the results of a run with --set.")] = "",
@@ -67,9 +68,12 @@ def run(
         Print what would be made and why; make nothing.
     """
     from pipeline.runs.estimate import duration, estimate
+    from pipeline.runs.stages import TARGETS
     from pipeline.scene.predicted import predicted
     from softfinger.make import Machine, make
 
+    part = until if (accuracy or budget) and until not in TARGETS else ""  # of the stroke
+    until = "report" if part else until
     machine = Machine(ranks, min(ranks, CORES), hosts)
     chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
@@ -83,7 +87,7 @@ def run(
     if accuracy or budget:
         from softfinger.study.accuracy import make_cheapest
 
-        made = make_cheapest(scene, accuracy, budget, machine, quiet)
+        made = make_cheapest(scene, accuracy, budget, part, machine, quiet)
     elif slurm:
         from softfinger.study.plan import plan_scene
 

@@ -116,7 +116,7 @@ def compare_with(
             "scene": scene.name,
             "level": scene.level,
             "data": dpiv.title,
-            "numerics": level_error([scene.folder, *scene.parents], scene.level)[0],
+            "numerics": level_error([scene.folder, *scene.parents], scene.level).sentence,
             "registration": registration.summary(),
             "provenance": {
                 "versions": versions(*LIBRARIES),

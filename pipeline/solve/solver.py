@@ -213,7 +213,7 @@ def solve(
         raise stopped(watchdog.cause)
     if code != 0:
         raise failed(case, guard.time, code)
-    # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
+    # a flow without a body has no samples and no guard of the energy (docs/evidence/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, damaged := first_damaged(case))
     if until < interval.end or damaged <= interval.end:

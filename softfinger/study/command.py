@@ -48,7 +48,11 @@ def study(
     return plan
 
 
-def tradeoff(scene: SceneFolder = Path("cases/single_finger")) -> None:
+def tradeoff(
+    scene: SceneFolder = Path("cases/single_finger"),
+    *,
+    only: Annotated[str, Parameter(help="Names of some of its runs.")] = "",
+) -> None:
     """Measure the cost of accuracy, which ACCURACY and BUDGET need; hours.
 
     A scene without a studies/tradeoff.csv takes that of the scene that it extends.
@@ -56,7 +60,8 @@ def tradeoff(scene: SceneFolder = Path("cases/single_finger")) -> None:
     from softfinger.study.accuracy import study_table
     from softfinger.study.tradeoff import write_tradeoff
 
-    write_tradeoff(study(study_table(open_scene(scene, "coarse").scene), scene=scene))
+    plan = study(study_table(open_scene(scene, "coarse").scene), scene=scene, only=only)
+    write_tradeoff(plan, only.replace(",", " ").split())
 
 
 def job(plan: Path, name: str, stage: str, *, threads: int = 1) -> None:

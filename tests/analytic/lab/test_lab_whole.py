@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from docs.evidence.lab_renderer import Filmed
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.records import LAB_COMPARISON, RUN
 from pipeline.kinematics import stage as kinematics_stage
@@ -17,7 +18,6 @@ from piv.formats.recording import RecordingWriter
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
-from tests.lab_renderer import Filmed
 from tests.lab_scene import CASE, state_vectors, vortex_series
 
 INPUTS = """format = "inputs"

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
+from docs.evidence.ranks import prediction, step_time, useful_ranks
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.runs.estimate import duration
 from tests.conftest import write_scene
-from tests.studies.ranks import prediction, step_time, useful_ranks
 
 
 @pytest.mark.parametrize("ranks, measured", [(1, 0.2269), (2, 0.1269)])
