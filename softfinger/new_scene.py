@@ -11,7 +11,8 @@ import numpy as np
 
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
-from pipeline.kinematics.pressure_law import measured_law, measured_table
+from pipeline.formats.user_tables import read_history
+from pipeline.kinematics.pressure_law import measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
@@ -70,7 +71,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     """
     shipped = load_scene(parent)
     actuator, _ = sections(shipped)
-    times, pressure = measured_table(own.pressure, "t,p", "s and Pa", least=2)
+    times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
     cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
