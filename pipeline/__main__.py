@@ -281,7 +281,9 @@ def new(
 @app.command
 def compare(
     scene: Scene,
-    dpiv: Annotated[Path | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml.")] = None,
+    dpiv: Annotated[
+        str | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml; of repeats several.")
+    ] = None,
     *,
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(env_var="INPUTS", help="Vary uncertain inputs.")] = True,
@@ -306,7 +308,8 @@ def compare(
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
     run_ = _coupled(scene, level) if coupled else _open(scene, level)
-    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    folders = [Path(dpiv)] if Path(dpiv).exists() else [Path(part) for part in dpiv.split()]
+    page = compare_with(run_, folders, machine, inputs=inputs, quick=quick, quiet=quiet)
     print(f"report: {page.resolve()}")
 
 

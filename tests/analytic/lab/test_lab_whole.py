@@ -97,7 +97,7 @@ def measured_by(run, gain: float = 1.0):
 def compared(run, folder, inputs=False, quick=False):
     """comparison.json of a folder of data by the name of its quantities, and the page's answer."""
     options = {"inputs": inputs, "quick": quick, "quiet": True}
-    page = command.compare_with(run, folder, Machine(), **options)
+    page = command.compare_with(run, [folder], Machine(), **options)
     result = LAB_COMPARISON.read(page.parent / "comparison.json")
     text = page.read_text()
     first = text[text.index('id="answer"') : text.index("</header>")]
@@ -158,7 +158,7 @@ def test_a_recording_of_another_pressure_is_compared(run, tmp_path):
             out.write(k, film.frame(k))
         out.finish()
     (folder / "dpiv.toml").write_text(PICTURES)
-    quick = command.compare_with(run, folder, Machine(), inputs=True, quick=True, quiet=True)
+    quick = command.compare_with(run, [folder], Machine(), inputs=True, quick=True, quiet=True)
     assert "Motion: no. Flow: not tested." in quick.read_text()
     result, quantities, first = compared(run, folder)
     assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0
