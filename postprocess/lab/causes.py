@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
 from postprocess.lab.fit_outline import DELAY, GROWTH, LAW, SCALE, law_pressure
 from postprocess.lab.outline_profile import (
     EDGE,

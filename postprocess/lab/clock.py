@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.formats.plane_series import usable
+from piv.files.errors import StageError
+from piv.formats.plane_series import usable
 from postprocess.lab.motion import Case, bend_done
 from postprocess.lab.virtual_experiment import Sides
 

@@ -12,8 +12,8 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import SHAPE, Kinematics
+from pipeline.formats.kinematics import SHAPE, Kinematics
+from piv.files.errors import StageError
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.register import Registration

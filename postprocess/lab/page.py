@@ -5,17 +5,18 @@ from __future__ import annotations
 import base64
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from fileio.atomic import write_bytes, write_text
+from piv.files.atomic import write_bytes, write_text
 from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
 from postprocess.lab import draw
 from postprocess.lab.causes import GREEN, ORANGE, outlined
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.recorded import LabRecording
+from postprocess.lab.summary import Compared
 from postprocess.lab.validation import (
     AGREES,
     DIFFERS,
@@ -29,9 +30,6 @@ from postprocess.lab.validation import (
 )
 from postprocess.report.page_template import page_template
 from postprocess.words import NBSP, pair, size
-
-if TYPE_CHECKING:
-    from postprocess.lab.command import Compared
 
 Quantity = dict[str, Any]
 WORDS = {

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.formats.plane_series import MASKED, usable
+from piv.files.errors import StageError
 from piv.foreign.read import read_own
+from piv.formats.plane_series import MASKED, usable
 from piv.images.calibration import Calibration, calibrate_plane, load_calibration, rectify_image
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording

@@ -21,20 +21,20 @@ import pandas as pd
 import shapely
 import xarray as xr
 
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.plane_series import read_plane
-from fileio.formats.recording import RecordingWriter
-from fileio.formats.records import LAB_COMPARISON
-from pipeline.runs.make import Machine, make, make_sheet
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.records import LAB_COMPARISON
 from pipeline.runs.run import Run, coupled_out, open_run
+from piv.formats.plane_series import read_plane
+from piv.formats.recording import RecordingWriter
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence.tip_vortex import dominant_track
-from postprocess.lab import command
 from postprocess.lab.page import answer
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import AGREES, DIFFERS, ERROR
 from postprocess.lab.virtual_experiment import WIDE
+from softfinger import laboratory as command
+from softfinger.make import Machine, make, make_sheet
 from tests.lab_renderer import Faults, Filmed
 
 TABLE = Path("docs/record/laboratory_blind.csv")
@@ -155,7 +155,7 @@ def flow_of(nominal: Run, of: Scenario, view: tuple[float, ...]) -> tuple[Run, x
         name = f"{pressure:g}_{lasts:g}_{of.viscosity:g}"
         values, out = dict(nominal.overrides) | more, nominal.out / "blind" / name
         run = open_run(nominal.scene.folder, nominal.scene.level, values, out)
-    make(run, "run", Machine(), quiet=True)
+    make(run, "solve", Machine(), quiet=True)
     path = run.out / "blind_sheet.h5"
     make_sheet(run, view, path, quiet=True)
     with read_plane(path) as sheet:

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from piv.vortices.find import VortexSettings
-from postprocess.lab.command import compare
 from postprocess.lab.dpiv_toml import Evaluation
 from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
 from postprocess.lab.motion import Case, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Law, Registration
+from postprocess.lab.summary import compare
 from postprocess.lab.validation import AGREES, ERROR, joint_level, judged, verdicts
 from postprocess.lab.virtual_experiment import (
     MaskedRecording,

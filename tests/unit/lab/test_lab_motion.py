@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.kinematics import SHAPE
-from fileio.formats.plane_series import make_plane
+from pipeline.formats.kinematics import SHAPE
+from piv.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
 from postprocess.lab.clock import check_rate, constant_ratio
 from postprocess.lab.flow import corrected, corrections, run_sources

@@ -1,0 +1,250 @@
+"""Comparison of a scene with a laboratory's recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.formats.kinematics import Kinematics, read_kinematics
+from pipeline.formats.records import LAB_COMPARISON, RUN
+from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import BY_NAME
+from piv.files.atomic import write_bytes, write_text
+from piv.files.errors import StageError
+from piv.files.lock import exclusive
+from piv.files.provenance import versions
+from piv.formats.plane_series import read_plane
+from postprocess.evidence.stage_files import StageFiles, scene_numbers
+from postprocess.lab.causes import check_fit, draw_fit
+from postprocess.lab.clock import check_rate
+from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
+from postprocess.lab.flow import flow_effects
+from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
+from postprocess.lab.level import level_uncertainties
+from postprocess.lab.motion import (
+    Case,
+    Effect,
+    difference,
+    over_bend,
+)
+from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
+from postprocess.lab.register import (
+    Known,
+    Registration,
+    fit_pictures,
+    register,
+    stated_registration,
+)
+from postprocess.lab.summary import compare, summary
+from postprocess.lab.virtual_experiment import both_sides
+from postprocess.report.trust import level_error
+from softfinger.make import Machine, make, make_sheet
+
+PLANES = 42  # of a run that varies an input: its effect changes slowly
+TO_SOLVE = ("kinematics", "mesh", "case", "solve")
+LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
+SEED = 1  # of the registration's samples
+MARGIN = 0.008  # m of the sheet beyond the picture
+View = tuple[float, float, float, float]
+
+
+def compare_with(
+    run: Run, folders: list[Path], machine: Machine, *, inputs: bool, quick: bool, quiet: bool
+) -> Path:
+    """Compare a run with the recordings of dpiv.toml's folders; returns the page.
+
+    Several are repeats: each is registered alone, and their mean is compared. `inputs`: vary the
+    uncertain inputs by runs of their own. `quick`: compare the motion alone, for which nothing is
+    solved. All files are read and the data registered before anything is solved.
+    """
+    from postprocess.lab.page import make_report
+
+    dpivs = [read_dpiv(folder) for folder in folders]
+    if quick and any(dpiv.kind == "vectors" for dpiv in dpivs):
+        raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
+    if quick and run.scene.coupled:
+        raise StageError("QUICK=1 solves nothing, and COUPLED=1 needs a run; leave one of them out")
+    scene, labs = run.scene, run.out / "lab"
+    beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
+    names = [dpiv.folder.resolve().name for dpiv in dpivs]
+    lab = labs / "+".join(names)
+    make(run, "kinematics", machine, quiet)
+    lab.mkdir(parents=True, exist_ok=True)
+    with exclusive(lab):
+        if scene.coupled:
+            make(run, "solve", machine, quiet)
+        kinematics = read_kinematics(run.path("kinematics"))
+        kinematics = over_bend(kinematics) if scene.coupled else kinematics
+        runs = _beside(run, beside if inputs else [], machine)
+        cases, levels = [], level_uncertainties([scene.folder, *scene.parents], _plane(run))
+        for dpiv, name in zip(dpivs, names, strict=True):
+            bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
+            (labs / name).mkdir(exist_ok=True)
+            seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
+            case = Case(kinematics, seen[0], bend_std, level=levels.get(scene.level, {}))
+            for of, one in runs.values():
+                changed = read_kinematics(one.path("kinematics"))
+                changed = over_bend(changed) if scene.coupled else changed
+                case.effects.append(Effect(of, *difference(kinematics, changed)))
+            cases.append((dpiv, case, seen[1]))
+        solved = {name: one for name, (_, one) in runs.items()}
+        compared = [
+            compare(
+                dpiv,
+                case if quick else _with_flow(case, run, solved, labs, dpiv, view, machine, quiet),
+            )
+            for dpiv, case, view in cases
+        ]
+        result = summary(compared) | {
+            "missing_runs": sorted({"pressure", "duration", *(o.name for o in beside)} - set(runs)),
+            "scene": scene.name,
+            "level": scene.level,
+            "plane": _plane(run),
+            "levels": levels,
+            "numerics": level_error([scene.folder, *scene.parents], scene.level)[0],
+        }
+        result["provenance"] |= {"versions": versions(*LIBRARIES), "seed": SEED}
+        if not quick:
+            solver = RUN.read(run.out / "run" / "run.json").get("versions", {})
+            result["provenance"]["versions"] |= solver
+            LAB_COMPARISON.write(lab / "comparison.json", result)
+        for each, name in zip(compared, names, strict=True):
+            if each.series is not None:
+                write_text(labs / name / "series.csv", each.series.to_csv(index=False))
+        if not quiet:
+            for q in result["quantities"]:
+                ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
+                print(f"{q['name']:16s} {q['verdict']:14s} {ratio}")
+            print(f"verdict: {result['verdict']}")
+        page = lab / ("quick.html" if quick else "report.html")
+        return make_report(page, scene.title, compared[0], result)
+
+
+def _plane(run: Run) -> bool:
+    return bool(run.scene.model.kind == "2d")
+
+
+def _beside(
+    run: Run, beside: list[Input | Finer], machine: Machine
+) -> dict[str, tuple[Input | Finer, Run]]:
+    """The runs beside the nominal one, by name, with their kinematics made."""
+    runs = {}
+    for of in beside:
+        values = of.overrides(scene_numbers(StageFiles(run.scene)))
+        scene, out = run.scene, run.out / "inputs" / of.name
+        one = open_run(scene.folder, scene.level, dict(run.overrides) | values, out)
+        make(one, "solve" if scene.coupled else "kinematics", machine, quiet=True)
+        runs[of.name] = of, one
+    return runs
+
+
+def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:
+    """Register the data; the tank's part around what they show.
+
+    StageError where the fit does not explain the pictures, which `refused` then shows.
+    """
+    if dpiv.kind == "vectors":
+        registration, plane = stated_registration(dpiv, kinematics), lab_vectors(dpiv)
+        places = np.stack([plane[n].values[[0, -1]] for n in ("x", "y")], axis=1)
+        step = float(plane["x"][1] - plane["x"][0])
+        corners = places + np.array([[-step], [step]])
+        return registration, registration.pose.view(corners, MARGIN)
+    path, light = dpiv.folder / NAME, dpiv.light_from_deg
+    with LabRecording(dpiv) as recording:
+        known = Known(
+            stated_pose(dpiv, recording, kinematics.root),
+            dpiv.scale.std_percent / 100,
+            turn_std=float(np.radians(dpiv.axes.turn_std_deg)),
+            delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
+            paired=dpiv.piv.pairing == "1-2,3-4",
+            hidden=dpiv.root_hidden_mm * 1e-3,
+            light_from=None if light is None else float(np.radians(light)),
+            length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+            place=recording.turned,
+        )
+        try:
+            fit = fit_pictures(recording, recording.times, kinematics, known, SEED)
+        except StageError as error:
+            raise StageError(f"{path}: {error}") from error
+        rows, columns = recording.shape
+    check = check_fit(fit, kinematics, known)
+    refused.unlink(missing_ok=True)
+    if check.refusals:
+        write_bytes(refused, draw_fit(check))
+        text = f"the registration is refused: {'; also, '.join(check.refusals)}"
+        raise StageError(f"{path}: {text}; see {refused}")
+    registration = register(fit, kinematics, known)
+    return registration, registration.pose.view(np.array([[0.0, 0.0], [columns, rows]]), MARGIN)
+
+
+def _fea_band(dpiv: Dpiv, kinematics: Kinematics, path: Path) -> float:
+    """Standard uncertainty (rad) of the final bend by the bands of the FEA; 0: they do not count.
+
+    StageError where they count and are not known, and where one bend belongs to several shapes.
+    """
+    change = np.diff(kinematics.data["shape_bend"].values)
+    if not (np.all(change > 0) or np.all(change < 0)):
+        raise StageError(
+            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a rigid body,"
+            " so a recording's bend does not tell the shape; compare a scene whose motion.source is"
+            " 'fea' or 'paper_equations', or COUPLED=1"
+        )
+    if dpiv.finger_geometry == "measured":
+        return 0.0
+    bend_std = kinematics.bend_std(float(kinematics.law(kinematics.time[1]))) or 0.0
+    if bend_std == 0:
+        raise StageError(
+            f"{path}: carries no state_bend_std, so the bands of the FEA are not known; run make"
+            f' fea, or state finger_geometry = "measured" in {dpiv.folder / NAME}'
+        )
+    return bend_std
+
+
+def _with_flow(
+    case: Case,
+    run: Run,
+    runs: dict[str, Run],
+    labs: Path,
+    dpiv: Dpiv,
+    view: View,
+    machine: Machine,
+    quiet: bool,
+) -> Case:
+    """The case with both sides' flows and what the runs change of it; solves what is missing.
+
+    A clock that the water contradicts is refused before the runs beside the nominal one.
+    """
+    make(run, "case", machine, quiet)
+    if not quiet:
+        print(_plan({"the nominal run": run} | runs, machine.ranks), flush=True)
+    make(run, "solve", machine, quiet)
+    name = f"lab_{'_'.join(f'{1e3 * v:.0f}' for v in view)}.h5"  # recordings of one set-up share it
+    make_sheet(run, view, run.out / name, quiet)
+    with read_plane(run.out / name) as opened:
+        sheet = opened.load()
+    vortices = run.scene.vortices.model_dump(mode="json")
+    known = case.kinematics, case.registration, sheet, vortices
+    folder = labs / dpiv.folder.resolve().name
+    sides = both_sides(folder, dpiv, *known, threads=machine.jobs, quiet=quiet)
+    check_rate(case, sides, dpiv.piv.pairing == "1-2,3-4", dpiv.folder / NAME)
+    for one in runs.values():
+        make(one, "solve", machine, quiet)
+        make_sheet(one, view, one.out / name, quiet, PLANES)
+    sheets = {of: one.out / name for of, one in runs.items()}
+    return replace(case, flow=sides, effects=flow_effects(case, sides, sheet, sheets))
+
+
+def _plan(runs: dict[str, Run], ranks: int) -> str:
+    """The runs that are to be solved, by name, and how long that takes."""
+    missing = [name for name, one in runs.items() if one.why_stale("solve") is not None]
+    if not missing:
+        return "plan: nothing is left to solve"
+    time = sum(
+        estimate(runs[name], stage)[0] / (ranks if BY_NAME[stage].ranks else 1)
+        for name in missing
+        for stage in TO_SOLVE
+    )
+    return f"plan: to solve {', '.join(missing)}, about {duration(time)} on {ranks} idle cores"
