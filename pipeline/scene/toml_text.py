@@ -12,16 +12,27 @@ _EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … sta
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a file; StageError where it is no TOML."""
+    tables, empty = read_template(path)
+    if empty:
+        raise StageError(
+            f"{path}: no value is given for {', '.join(empty)}; give one, or take the line away"
+        )
+    return tables
+
+
+def read_template(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """The tables of a file, and the dotted names of its keys that have no value yet."""
+    empty: list[str] = []
     try:
         text = path.read_text(encoding="utf-8")
-        return tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        if empty := _keys_without_value(text):
-            raise StageError(
-                f"{path}: no value is given for {', '.join(empty)}; give one, or take the line away"
-            ) from None
+        try:
+            return tomllib.loads(text), empty
+        except tomllib.TOMLDecodeError:
+            if not (empty := _keys_without_value(text)):
+                raise
+        lines = [line for line in text.splitlines() if not _EMPTY.match(line)]
+        return tomllib.loads("\n".join(lines)), empty
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
 
 

@@ -185,10 +185,10 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
     (at, jump, _), _ = found[kind]
     when = f"from {times[at]:.3f} s of the recording on"
     if kind:
-        size = f"{np.degrees(jump):+.1f}°" if kind == 3 else f"{jump:+.1f} px in {'xy'[kind - 1]}"
         return (
-            f"the camera moved: {when} the finger's root lies {size} from where it was; give the"
-            " part before or behind it as a recording of its own"
+            f"the camera moved: {when} the finger's root lies elsewhere"
+            f" (in {('x', 'y', 'angle')[kind - 1]}); give the part before or behind it as a"
+            " recording of its own"
         )
     where, why = "ahead of", "pictures are missing there"
     if jump > 0:

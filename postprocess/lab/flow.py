@@ -57,12 +57,18 @@ def measure(
     """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
 
     With their random standard uncertainties, over time; NaN where there is no vortex.
-    Vectors that are not `seen` do not count. ValueError where no vortex is near the finger's tip.
+    Vectors that are not `seen` do not count. StageError where no vortex is near the finger's tip.
     """
     counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
     table = tabulate_vortices(counted, sides.vortices)
     table, times = table[table["bridged"] == 0], plane["time"].values
-    track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
+    try:
+        track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
+    except ValueError as error:
+        raise StageError(
+            f"{error}: no tip vortex is seen; check the vectors in {name}.h5 (piv view), and piv.window"
+            " and the seeding of the recording (docs/lab_protocol.md)"
+        ) from None
     wanted = [*COLUMNS, "radius", *(f"{column}_random_std" for column in COLUMNS)]
     out = track[wanted].astype(float).reindex(pd.Index(times, name="time"))
     places = pose.from_camera(out[["x", "y"]].to_numpy())

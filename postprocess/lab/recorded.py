@@ -123,6 +123,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
                 f"{path}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the"
                 " standard uncertainty of a displacement in px"
             )
-        std = np.full(plane["u"].shape, dpiv.vectors.std_px * dpiv.scale.pixel / dpiv.interval)
+        one = dpiv.vectors.std_px * dpiv.scale.pixel / dpiv.interval
+        std = np.full(plane["u"].shape, one / dpiv.vectors.repeats**0.5)
         plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))
