@@ -19,7 +19,7 @@ from piv.files.provenance import versions
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.causes import check_fit, draw_fit
-from postprocess.lab.clock import check_rate
+from postprocess.lab.clock import check_rate, onset
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
 from postprocess.lab.flow import flow_effects
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
@@ -225,6 +225,9 @@ def _with_flow(
     make_sheet(run, view, run.out / name, quiet)
     with read_plane(run.out / name) as opened:
         sheet = opened.load()
+    if dpiv.start == "from flow":
+        seen = onset(case.registration, lab_vectors(dpiv), sheet)
+        case = replace(case, registration=seen)
     vortices = run.scene.vortices.model_dump(mode="json")
     known = case.kinematics, case.registration, sheet, vortices
     folder = labs / dpiv.folder.resolve().name

@@ -6,7 +6,7 @@ rate that is stated wrongly only the silhouettes change, since the interval with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +16,14 @@ import xarray as xr
 from piv.files.errors import StageError
 from piv.formats.plane_series import usable
 from postprocess.lab.motion import Case, bend_done
+from postprocess.lab.pose import camera_series
+from postprocess.lab.register import Registration
 from postprocess.lab.virtual_experiment import Sides
 
 NEAR = 0.012  # m from the finger: water that its motion drives
 FIRST_HALF, STROKE = (0.05, 0.5), (0.05, 0.95)  # of the bend
 FEWEST = 4  # instants
+DELAYS = 400  # of vectors without a clock, that are tried
 # ln(ratio) over ln(stretch) is 0 for a true stroke and 1 for a wrong rate; the ratio of a sound
 # recording scatters by 3 %, so a smaller stretch cannot be told (docs/record/laboratory.md)
 RATE, LEAST_STRETCH = (0.6, 1.6), 0.08
@@ -66,6 +69,37 @@ def near_speed(plane: xr.Dataset) -> np.ndarray:
     square = np.where(near, plane["u"].values ** 2 + plane["v"].values ** 2, 0.0)
     count = near.sum(axis=(1, 2))
     return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
+
+
+def onset(registration: Registration, plane: xr.Dataset, sheet: xr.Dataset) -> Registration:
+    """The registration of vectors (`lab_vectors`) with the delay that their speed shows.
+
+    Least squares of the RMS speed over time by the simulation's times a free factor.
+    """
+    pose, clock = registration.pose, sheet["time"].values
+    x, y = (plane[n].values * pose.pixel for n in ("x", "y"))
+    ours, theirs = (
+        np.sqrt(np.nanmean(one["u"].values ** 2 + one["v"].values ** 2, axis=(1, 2)))
+        for one in (camera_series(sheet, pose, x, y, clock), plane)
+    )
+    times = plane["time"].values
+    delays = np.linspace(times[0] - clock[-1], times[-1] - clock[0], DELAYS)[1:-1]
+    left = np.full(delays.size, np.inf)
+    for k, delay in enumerate(delays):
+        seen = np.interp(times - delay, clock, ours, ours[0], ours[-1])
+        rest = theirs - seen * (seen @ theirs) / max(seen @ seen, 1e-30)
+        left[k] = rest @ rest
+    best = int(np.clip(np.argmin(left), 1, delays.size - 2))
+    step = delays[1] - delays[0]
+    bend = (left[best - 1] - 2 * left[best] + left[best + 1]) / step**2
+    std = np.sqrt(2 * left[best] / max(times.size - 2, 1) / max(bend, 1e-30))
+    delay = float(delays[best])
+    law = replace(
+        registration.law,
+        values=np.array([1.0, delay, 1.0]),
+        covariance=np.diag([0.0, std**2 + step**2 / 12, 0.0]),
+    )
+    return replace(registration, law=law)
 
 
 def check_rate(case: Case, sides: Sides, paired: bool, path: Path) -> None:

@@ -137,8 +137,8 @@ class Dpiv(Table):
     """A pattern or a list of paths, relative to this file; vectors are one file"""
     frame_rate_hz: Positive
     """Pictures per second; of pairing "1-2,3-4" pairs, of vectors fields per second [Hz]"""
-    start: Start | Literal["from motion"]
-    """{ at_s = …, std_s = … } of the first picture, or of pictures "from motion": they show it"""
+    start: Start | Literal["from motion", "from flow"]
+    """{ at_s = …, std_s = … }; "from motion": pictures show it; "from flow": the vectors' onset"""
     finger_geometry: Literal["measured", "nominal"]
     """ "measured": FEA of this very finger; "nominal": of its drawing, so that its bands count"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
@@ -239,7 +239,11 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     if kind == "pictures" and pairing == "1-2,2-3" and "piv.interval_s" in given:
         wrong.append('piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it')
     if kind == "vectors" and table.get("start") == "from motion":
-        wrong.append('start cannot be "from motion" without pictures: give at_s and std_s')
+        wrong.append(
+            'start cannot be "from motion" without pictures: "from flow", or at_s and std_s'
+        )
+    if kind == "pictures" and table.get("start") == "from flow":
+        wrong.append('start of pictures is "from motion", or at_s and std_s')
     if kind == "vectors" and tables.get("axes", {}).get("y") == "down":
         wrong.append('axes.y of vectors: their series counts y upwards, state y = "up"')
     return [key for key in needed if key not in given], wrong

@@ -66,7 +66,7 @@ def measure(
         track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
     except ValueError as error:
         raise StageError(
-            f"{error}: no tip vortex is seen; check the vectors in {name}.h5 (piv view), and piv.window"
+            f"{error}: no tip vortex is seen; check the vectors in {name}.h5 (piv view), piv.window"
             " and the seeding of the recording (docs/lab_protocol.md)"
         ) from None
     wanted = [*COLUMNS, "radius", *(f"{column}_random_std" for column in COLUMNS)]

@@ -290,9 +290,12 @@ def register(fit: Fit, kinematics: Kinematics, known: Known) -> Registration:
 
 
 def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
-    """The registration of vectors as stated; the picture's unit is the stated metre."""
-    axes, start = dpiv.axes, dpiv.start
-    assert isinstance(start, Start)
+    """The registration of vectors as stated; the picture's unit is the stated metre.
+
+    Of vectors without a clock `clock.onset` finds the delay.
+    """
+    axes = dpiv.axes
+    start = dpiv.start if isinstance(dpiv.start, Start) else Start(at_s=0.0, std_s=0.0)
     assert axes.root_mm
     assert axes.root_std_mm
     x, y = np.array(axes.root_mm) * 1e-3
