@@ -1,7 +1,8 @@
 """Why a registration does not explain its pictures: one list of causes, in order.
 
 Scale, root, clock, camera moved, outline: the first that explains the pictures stands first. The
-outline is tested at each frame's own bend, so that it is named only where it explains more.
+outline is tested at the scale, the root and each frame's bend that explain it best: where those
+leave nothing to explain it is not named, and where they cannot explain it they are not.
 The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are
 missing beside the outline or lie within it, the fit may be off by many of them.
 """
@@ -63,17 +64,16 @@ class FitCheck:
 
 def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     """Check a fit against its own pictures and what is `known`: the list of causes."""
-    causes = [
-        *scale_cause(fit, known),
-        *root_causes(fit, known),
-        *motion_causes(fit, kinematics, known),
-    ]
-    profile = fit.profile
-    parts = {} if any("the camera moved" in cause for cause in causes) else _wrong_parts(profile)
+    profile, motion = fit.profile, motion_causes(fit, kinematics, known)
+    moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
+    parts = {} if moved else _wrong_parts(profile)
     rate = profile.rate()
     within = profile.count[..., INSIDE].sum(axis=1)
     missing = rate * profile.area[..., NEAR].sum(axis=1) - profile.count[..., NEAR].sum(axis=1)
     worst = int(np.argmax(within + missing))
+    # where no scale and root explain the outline, those that were fitted are its fault
+    stated = [] if parts or moved else [*scale_cause(fit, known), *root_causes(fit, known)]
+    causes = [*stated, *motion]
     causes += outline_causes(fit, parts, known, worst, causes)
     wrong = np.isin(profile.part, list(parts))
     return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong)

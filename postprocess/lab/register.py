@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -61,9 +62,10 @@ FINER = 4.0  # ratio of the spread at the start of the rough fit to that of the 
 ROUGH, FINE = (3, ROUGH_PX, (6, 20)), (2, FINE_PX, (6, 60))
 # spread of factor, delay (s) and stretch at the start
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
-# where the fit begins: durations over the simulation's, delays of each, growth of the outline (px;
-# a smaller one tolerates a rough pose and reflections)
-STRETCHES, DELAYS, GROWN_PX = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5), 140, -3.0
+# where the fit begins: durations over the simulation's, scales over the stated one, delays of each,
+# growth of the outline (px; a smaller one tolerates a rough pose and reflections)
+STRETCHES, SCALES = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5), (0.5, 0.7, 1, 1.4, 2)
+DELAYS, GROWN_PX = 140, -3.0
 MIRRORED = 1.3  # times the evidence, from which the finger bends to the other side
 
 
@@ -245,15 +247,19 @@ def _beginning(frames: Frames, shapes: Shapes, state: np.ndarray, delay_std: flo
     """
     span, lasts = float(np.ptp(frames.times)), float(np.ptp(shapes.kinematics.time))
 
+    if np.isinf(delay_std):
+        middle, reach = float(frames.times[0]), np.array([-lasts, span])
+    else:
+        middle, reach = 0.0, 2 * delay_std * np.array([-1.0, 1.0])
+
     def best(of: Shapes) -> tuple[float, np.ndarray]:
         found = (-np.inf, state)
-        for stretch in STRETCHES:
+        for stretch, scale in product(STRETCHES, SCALES):
             tried = np.tile(state, (DELAYS, 1))
-            ends = (
-                (-stretch * lasts, span) if np.isinf(delay_std) else (-2 * delay_std, 2 * delay_std)
-            )
-            tried[:, DELAY] += frames.times[0] * np.isinf(delay_std) + np.linspace(*ends, DELAYS)
+            low = reach[0] * (stretch if np.isinf(delay_std) else 1.0)
+            tried[:, DELAY] += middle + np.linspace(low, reach[1], DELAYS)
             tried[:, GROWTH], tried[:, LAW.stop - 1] = GROWN_PX, stretch
+            tried[:, SCALE] -= np.log(scale)
             scores = of.scores(frames, tried, of.places(frames.times, tried[:, LAW])).sum(axis=1)
             k = int(np.argmax(scores))
             found = max(found, (float(scores[k]), tried[k]), key=lambda one: one[0])
