@@ -238,8 +238,6 @@ def compared(nominal: Run, seed: int, folder: Path) -> dict[str, Any]:
     result = LAB_COMPARISON.read(lab / "comparison.json")
     row |= {"result": f"{result['motion']}, {result['flow']}", "error": answer(result)}
     row |= checked(nominal, of, made[0], lab.parent / places[0].name, result)
-    for each in {lab, *(lab.parent / place.name for place in places)}:
-        shutil.rmtree(each, ignore_errors=True)
     return row
 
 
@@ -320,6 +318,7 @@ def main() -> None:
     parser.add_argument("--scene", default="cases/single_finger")
     parser.add_argument("--level", default="smoke")
     parser.add_argument("--coupled", action="store_true", help="motions that water changes, too")
+    parser.add_argument("--keep", action="store_true", help="recordings and pages")
     parser.add_argument("--table", type=Path, default=TABLE)
     asked = parser.parse_args()
     nominal = open_run(asked.scene, asked.level)
@@ -338,8 +337,9 @@ def main() -> None:
             rows = pd.concat([old[~same], rows])
         rows.to_csv(asked.table, index=False, float_format="%.5g")
         print(rows.iloc[-1].dropna().to_dict(), flush=True)
-        for place in folder.glob(f"blind_{seed}_*"):
-            shutil.rmtree(place, ignore_errors=True)
+        for where in () if asked.keep else (folder, nominal.out / "lab"):
+            for place in where.glob(f"blind_{seed}_*"):
+                shutil.rmtree(place, ignore_errors=True)
     print(counts(pd.read_csv(asked.table)))
 
 
