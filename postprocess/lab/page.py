@@ -45,15 +45,32 @@ TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
 def make_report(path: Path, title: str, compared: Compared, result: dict[str, Any]) -> Path:
     """Write the page and its figures beside it; those of one recording, of repeats the first."""
     figures = _figures(path.parent / "figures", compared, result)
-    write_text(path, page(title, result, figures))
+    write_text(path, page(title, result, figures, _why_then(compared, result)))
     return path
 
 
-def page(title: str, result: dict[str, Any], pictures: dict[Path, str]) -> str:
-    """The page of a comparison; `pictures`: alternative text by file."""
+def _why_then(compared: Compared, result: dict[str, Any]) -> str:
+    """Why the circulation is compared at its instants, and not at its peak."""
+    series = compared.series
+    if series is None:
+        return ""
+    window = next(q["window"] for q in result["quantities"] if q["name"] == "circulation")
+    ours, seen = series["circulation_direct"], series["circulation_virtual"]
+    changed, inside = ((seen - ours) / ours).abs(), series["time"].between(*window)
+    peak = series["circulation_data"].abs().idxmax()
+    return (
+        f"PIV changes the simulation's circulation by {100 * changed[peak]:.0f}{NBSP}% at the peak"
+        f" ({series['time'][peak]:.3f}{NBSP}s), and by {100 * changed[inside].mean():.0f}{NBSP}% on"
+        " average where it counts; the other parts are the vectors' scatter and the numerics."
+    )
+
+
+def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str = "") -> str:
+    """The page of a comparison; `pictures`: alternative text by file, `why` its instants."""
     return page_template("lab.html").render(
         title=title,
         result=result,
+        why=why,
         answer=answer(result),
         pair=pair,
         size=size,

@@ -74,7 +74,7 @@ def recording_quality(
     dpiv: Dpiv, registration: Registration, plane: xr.Dataset | None
 ) -> dict[str, float]:
     """How good a recording is: pictures that were fitted, and their particles per pixel; fields,
-    share of the vectors that count, and displacements (px; 95 % are below) of its PIV.
+    share of the vectors that count, and displacement (px) of the fastest water, of its PIV.
     """
     out = {"pictures": float(registration.times.size), "density_ppp": registration.density}
     if plane is not None:
@@ -86,7 +86,7 @@ def recording_quality(
         px = registration.pose.pixel * (dpiv.scale.pixel if dpiv.kind == "vectors" else 1.0)
         out["fields"] = float(plane.sizes["time"])
         out["valid"] = float(ok.sum() / np.sum(np.broadcast_to(water, ok.shape)))
-        out["displacement_px"] = float(np.quantile(speed, 0.95) * dpiv.interval / px)
+        out["displacement_px"] = float(np.quantile(speed, 0.999) * dpiv.interval / px)
     return out
 
 
