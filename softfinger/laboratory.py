@@ -23,7 +23,7 @@ from postprocess.lab.clock import check_rate, onset
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
 from postprocess.lab.flow import flow_effects
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
-from postprocess.lab.level import level_uncertainties
+from postprocess.lab.level import level_windows
 from postprocess.lab.motion import (
     Case,
     Effect,
@@ -64,9 +64,9 @@ def compare_with(
 
     dpivs = [read_dpiv(folder) for folder in folders]
     if quick and any(dpiv.kind == "vectors" for dpiv in dpivs):
-        raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
+        raise StageError("--quick compares the motion, which vectors do not show; leave it out")
     if quick and run.scene.coupled:
-        raise StageError("QUICK=1 solves nothing, and COUPLED=1 needs a run; leave one of them out")
+        raise StageError("--quick solves nothing, and COUPLED=1 needs a run; leave one of them out")
     scene, labs = run.scene, run.out / "lab"
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
     names = [dpiv.folder.resolve().name for dpiv in dpivs]
@@ -79,12 +79,12 @@ def compare_with(
         kinematics = read_kinematics(run.path("kinematics"))
         kinematics = over_bend(kinematics) if scene.coupled else kinematics
         runs = _beside(run, beside if inputs else [], machine)
-        cases, levels = [], level_uncertainties([scene.folder, *scene.parents], _plane(run))
+        cases, levels = [], level_windows([scene.folder, *scene.parents], _plane(run))
         for dpiv, name in zip(dpivs, names, strict=True):
             bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
-            case = Case(kinematics, seen[0], bend_std, level=levels.get(scene.level, {}))
+            case = Case(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
             for of, one in runs.values():
                 changed = read_kinematics(one.path("kinematics"))
                 changed = over_bend(changed) if scene.coupled else changed
@@ -103,8 +103,7 @@ def compare_with(
             "scene": scene.name,
             "level": scene.level,
             "plane": _plane(run),
-            "levels": levels,
-            "numerics": level_error([scene.folder, *scene.parents], scene.level)[0],
+            "numerics": level_error([scene.folder, *scene.parents], scene.level).sentence,
         }
         result["provenance"] |= {"versions": versions(*LIBRARIES), "seed": SEED}
         if not quick:

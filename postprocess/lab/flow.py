@@ -18,6 +18,7 @@ from piv.files.errors import StageError
 from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
+from postprocess.lab.level import level_uncertainty
 from postprocess.lab.motion import Case, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
@@ -214,8 +215,10 @@ def flow_quantities(
         if moved is not None:
             linear = LINEAR * np.abs(moved)
             sources.append(Source("correction", "input", linear, "of what the motion changes"))
-        if name in case.level:
-            std = np.full(len(columns), case.level[name] * scale / np.sqrt(len(columns)))
+        window = float(times[0]), float(times[-1])
+        level = level_uncertainty(case.levels, case.level, window)
+        if name in level:
+            std = np.full(len(columns), level[name] * scale / np.sqrt(len(columns)))
             sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
         quantity = ValidatedQuantity(
             name,
@@ -227,7 +230,7 @@ def flow_quantities(
             sources,
             moved,
             finer,
-            (float(times[0]), float(times[-1])),
+            window,
         )
         known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
         quantity.instant["simulation"] = np.linalg.norm(known, axis=0)

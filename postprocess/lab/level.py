@@ -4,32 +4,53 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 COLUMNS = {"circulation": "error_circulation", "centre": "error_centre"}
 UNIFORM = 3**-0.5  # standard deviation over the half-width of a uniform distribution
-PLANE = {"circulation": 0.32, "centre": 0.07}  # of a plane flow that was not measured: smoke's
+# of level smoke, a plane flow, where nothing was measured: single_finger's; and of a vortex that a
+# level does not have
+PLANE, LOST = {"circulation": 0.32, "centre": 0.07}, 1.0
+EMPTY = pd.DataFrame(columns=["run", "start_s", "end_s", *COLUMNS])
 
 
-def level_uncertainties(scenes: list[Path], plane: bool) -> dict[str, dict[str, float]]:
-    """Relative standard uncertainties by level and quantity, coarsest first; of places over the
-    tip's width.
+def level_windows(scenes: list[Path], plane: bool) -> pd.DataFrame:
+    """Relative standard uncertainties by `run` (a level) and window of time, coarsest level first.
 
-    `scenes`: the scene's folder and those that it extends, nearest first; the first with a
-    studies/results/tradeoff.csv counts. `plane`: whether level smoke is a plane flow, whose error
-    is that of single_finger's where none was measured.
+    Columns `start_s`, `end_s` and one by quantity, of places over the tip's width; none of a level
+    that was not measured. `scenes`: the scene's folder and those that it extends, nearest first;
+    the first with studies/results counts. `plane`: whether the run's flow is plane.
     """
     for folder in scenes:
-        path = folder / "studies" / "results" / "tradeoff.csv"
-        if path.exists():
+        results = folder / "studies" / "results"
+        if (path := results / "errors.csv").exists():
             table = pd.read_csv(path, comment="#")
-            rows = table[(table["kind"] == "flow") & table["error"].notna()].sort_values("cells")
-            return {
-                str(row["level"]): {
-                    name: UNIFORM * float(row[column])
-                    for name, column in COLUMNS.items()
-                    if pd.notna(row[column])
-                }
-                for _, row in rows.iterrows()
-            }
-    return {"smoke": PLANE} if plane else {}
+            table = table[table.groupby("run")["error"].transform("count") > 0]
+        elif (path := results / "tradeoff.csv").exists():  # of the first part, for the whole stroke
+            table = pd.read_csv(path, comment="#").sort_values("cells")
+            if not {*COLUMNS.values()} <= {*table}:
+                continue
+            table = table[table["error"].notna() & (table["kind"] == "flow")]
+            table = table.assign(start_s=0.0, end_s=np.inf)
+        else:
+            continue
+        known = {name: UNIFORM * table[of].fillna(LOST) for name, of in COLUMNS.items()}
+        return table.assign(**known)[list(EMPTY)].reset_index(drop=True)
+    return (
+        pd.DataFrame([{"run": "smoke", "start_s": 0.0, "end_s": np.inf, **PLANE}])
+        if plane
+        else EMPTY
+    )
+
+
+def level_uncertainty(
+    windows: pd.DataFrame, level: str, during: tuple[float, float]
+) -> dict[str, float]:
+    """The largest relative standard uncertainty of each quantity `during` (s); empty: unknown."""
+    rows = windows[windows["run"] == level]
+    met = rows[(rows["start_s"] < during[1]) & (rows["end_s"] > during[0])]
+    rows = (
+        met if len(met) else rows.tail(1)
+    )  # after the last window its error is the least there is
+    return {name: float(rows[name].max()) for name in COLUMNS} if len(rows) else {}

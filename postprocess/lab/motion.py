@@ -16,6 +16,7 @@ from pipeline.formats.kinematics import SHAPE, Kinematics
 from piv.files.errors import StageError
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
+from postprocess.lab.level import EMPTY
 from postprocess.lab.register import Registration
 from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -65,8 +66,8 @@ class Effect:
 class Case:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
-    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `level`:
-    relative standard uncertainty of the level by quantity, of lengths over the tip's width.
+    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `levels`: as
+    of `level.level_windows`, and the `level` that is compared.
     """
 
     kinematics: Kinematics
@@ -74,7 +75,8 @@ class Case:
     bend_std: float
     flow: Sides | None = None
     effects: list[Effect] = field(default_factory=list)
-    level: dict[str, float] = field(default_factory=dict)
+    levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
+    level: str = ""
 
     @property
     def finer(self) -> list[Effect]:

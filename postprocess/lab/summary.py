@@ -11,6 +11,7 @@ from piv.files.atomic import sha256
 from postprocess.lab.clock import constant_ratio
 from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.flow import corrected, flow_quantities, tables
+from postprocess.lab.level import level_uncertainty
 from postprocess.lab.motion import Case, at_recorded_motion, motion_quantities
 from postprocess.lab.recorded import recording_quality
 from postprocess.lab.validation import ValidatedQuantity, joint_level, judged, repeated, verdicts
@@ -48,8 +49,13 @@ def summary(compared: list[Compared]) -> dict[str, Any]:
     means = [repeated([one[name] for one in by_name]) for name in shared]
     rows = [judged(q, joint_level(len(means))) for q in means]
     first, flow = compared[0], compared[0].case.flow
+    during = next((q.window for q in means if q.window), (0.0, 0.0))
+    levels = first.case.levels
     return {
         "quantities": rows,
+        "levels": {
+            level: level_uncertainty(levels, level, during) for level in levels["run"].unique()
+        },
         **verdicts(rows),
         "all_water": constant_ratio(first.case, flow) if flow else None,
         "data": ", ".join(one.dpiv.title for one in compared),

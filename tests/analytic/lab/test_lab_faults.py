@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from docs.evidence.lab_renderer import Faults, Rendered
 from postprocess.lab.causes import (
     check_fit,
     draw_fit,
@@ -24,7 +25,6 @@ from postprocess.lab.outline_profile import outline_profile, seen_outlines, shad
 from postprocess.lab.pose import Pose
 from postprocess.lab.register import Fit, Known, fit_pictures, register
 from postprocess.lab.silhouette import learn
-from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics
 
 PICTURES, SHAPE, SCALE = 16, (320, 400), 0.4

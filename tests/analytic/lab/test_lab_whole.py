@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from docs.evidence.lab_renderer import Filmed
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.records import LAB_COMPARISON, RUN
 from pipeline.kinematics import stage as kinematics_stage
@@ -14,11 +15,10 @@ from pipeline.runs.run import open_run
 from piv.files.errors import StageError
 from piv.formats.plane_series import write_plane
 from piv.formats.recording import RecordingWriter
-from postprocess.lab.level import level_uncertainties
+from postprocess.lab.level import EMPTY, level_windows
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
-from tests.lab_renderer import Filmed
 from tests.lab_scene import CASE, state_vectors, vortex_series
 
 INPUTS = """format = "inputs"
@@ -58,7 +58,7 @@ def run(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "make", kinematics_alone)
         patch.setattr(command, "make_sheet", analytic_sheet)
-        patch.setattr(command, "level_uncertainties", lambda *_: {})  # an exact flow
+        patch.setattr(command, "level_windows", lambda *_: EMPTY)  # an exact flow
         yield open_run(case, "smoke")
 
 
@@ -115,11 +115,11 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command, "level_uncertainties", level_uncertainties)
+        patch.setattr(command, "level_windows", level_windows)
         result, _, first = compared(run, tmp_path / "sound")
     assert result["verdict"] == "too uncertain"
     assert "Level smoke is a plane flow, and its own numerical error hides" in first
-    with pytest.raises(StageError, match="QUICK=1 compares the motion, which vectors do not"):
+    with pytest.raises(StageError, match="--quick compares the motion, which vectors do not"):
         compared(run, tmp_path / "sound", quick=True)
 
 
