@@ -41,8 +41,8 @@ help: ## this list
 	@echo "All commands and their options: $(RUN) --help"
 
 setup: $(READY) ## Python environment and OpenFOAM, where missing
-$(READY): requirements.lock pipeline/setup.sh pipeline/command.sh
-	@TYPED= sh pipeline/setup.sh
+$(READY): requirements.lock softfinger/setup.sh softfinger/command.sh
+	@TYPED= sh softfinger/setup.sh
 	@touch $@
 
 $(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)

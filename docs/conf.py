@@ -10,7 +10,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 sys.path.insert(0, str(ROOT))
-from fileio import __version__  # noqa: E402
+from piv import __version__  # noqa: E402
 
 project = "Soft finger in water"
 version = release = __version__
@@ -23,7 +23,7 @@ suppress_warnings = [
 ]
 
 # Read, not imported: the site needs none of the project's own libraries.
-autoapi_dirs = [str(ROOT / package) for package in ("fileio", "piv")]
+autoapi_dirs = [str(ROOT / package) for package in ("piv",)]
 autoapi_root = "api"
 autoapi_add_toctree_entry = False
 autoapi_options = ["members", "show-module-summary"]

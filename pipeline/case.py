@@ -7,16 +7,14 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.atomic import write_text
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import (
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import (
     SWEEP,
     Interval,
     NodeMotion,
     read_intervals,
     read_planform,
 )
-from fileio.lock import exclusive
 from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import (
     BODY_PATCHES,
@@ -32,6 +30,8 @@ from pipeline.openfoam.foamfile import write_bytes
 from pipeline.openfoam.gate import add_gate
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
+from piv.files.atomic import write_text
+from piv.files.lock import exclusive
 
 _SYMMETRIC = ("half", "quarter")
 _INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
@@ -83,7 +83,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
 
 def numbers_text(entries: dict[str, str]) -> str:
     """The file system/numbers."""
-    head = "// Every number of the case, from scene.toml; the run stage writes it anew.\n"
+    head = "// Every number of the case, from scene.toml; the stage solve writes it anew.\n"
     return head + "".join(f"{key:<23} {value};\n" for key, value in entries.items())
 
 
@@ -201,7 +201,7 @@ def write_interval(
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
     if interval.index:
-        (folder / "0").rename(folder / "0.orig")  # the run stage maps fields into them
+        (folder / "0").rename(folder / "0.orig")  # the stage solve maps fields into them
     write_numbers(scene, intervals, interval, planform)
     write_text(folder / "system" / "regions", regions_text(kind))
     walls = [name for name, _, _ in mesh.patches if name in OBSTACLE_PATCHES]

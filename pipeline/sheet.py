@@ -11,15 +11,15 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.plane_writer import instant, new_series, write_blocks
-from fileio.provenance import versions
-from pipeline.kinematics.view import unseen_tip
+from pipeline.formats.kinematics import Kinematics, read_kinematics
+from pipeline.formats.mesh_intervals import read_intervals, read_planform
+from pipeline.kinematics.camera_window import unseen_tip
 from pipeline.openfoam.surface_vtk import read_surface, sampled_surfaces
 from pipeline.scene.measurement import Camera
 from pipeline.scene.scene import Scene
+from piv.files.errors import StageError
+from piv.files.provenance import versions
+from piv.formats.plane_writer import instant, new_series, write_blocks
 
 FIELDS = ("u", "v", "w", "dwdz", "p")
 ODD = ("u",)  # across the plane x = 0 between two fingers; the other fields are even

@@ -7,12 +7,9 @@ is quick.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from fileio import __version__
+from piv.files import __version__
 
 if TYPE_CHECKING:
-    from fileio.formats.plane_series import read_plane as read_plane
-    from fileio.formats.plane_series import usable as usable
-    from fileio.formats.plane_series import write_plane as write_plane
     from piv.correlation.options import Options as Options
     from piv.correlation.pair import correlate_pair as correlate_pair
     from piv.fields.derived import derived as derived
@@ -23,6 +20,9 @@ if TYPE_CHECKING:
     from piv.foreign.read import open_vectors as open_vectors
     from piv.foreign.read import read_vectors as read_vectors
     from piv.foreign.write import write_vectors as write_vectors
+    from piv.formats.plane_series import read_plane as read_plane
+    from piv.formats.plane_series import usable as usable
+    from piv.formats.plane_series import write_plane as write_plane
     from piv.images.calibration import Calibration as Calibration
     from piv.images.calibration import calibrate_plane as calibrate_plane
     from piv.images.calibration import load_calibration as load_calibration
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from piv.vortices.table import tabulate_vortices as tabulate_vortices
 
 _MODULES = {
-    "fileio.formats.plane_series": ("read_plane", "usable", "write_plane"),
+    "piv.formats.plane_series": ("read_plane", "usable", "write_plane"),
     "piv.correlation.options": ("Options",),
     "piv.correlation.pair": ("correlate_pair",),
     "piv.fields.derived": ("derived",),

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-from fileio.atomic import check_output as check_regular
-from fileio.command import command_line
-from fileio.lock import exclusive
+from piv.files.atomic import check_output as check_regular
+from piv.files.command import command_line
+from piv.files.lock import exclusive
 
 COMMANDS = {
     "correlate": "image pairs or a recording to a vector plane series",

@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from fileio.formats.plane_series import make_plane, write_plane
 from piv.commands import correlate, render, vortices
+from piv.formats.plane_series import make_plane, write_plane
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 
 TIMES = 0.002 * np.arange(1, 5)  # s

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from fileio.atomic import write_text
+from piv.files.atomic import write_text
 
 
 def write_table(path: Path, table: pd.DataFrame, head: dict[str, Any] | None = None) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import IntervalMesh, read_meshes
 from pipeline import case
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import IntervalMesh, read_meshes
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.finger import FingerMotion, finger_motion
 from pipeline.mesh import stage as mesh

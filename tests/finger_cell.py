@@ -1,7 +1,7 @@
 """The shipped finger's actuator and analysis, and a coarse unit cell for fast tests."""
 
-from fileio.formats.bending_states import read
 from pipeline.fea.settings import Actuator, Fea, UnitCellMesh
+from pipeline.formats.bending_states import read
 from pipeline.scene.scene import load_scene
 from tests.conftest import ROOT
 

@@ -14,7 +14,7 @@ import shapely
 import xarray as xr
 from scipy import ndimage
 
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.pose import Pose
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from fileio.formats.kinematics import Kinematics, read_kinematics, write_kinematics
-from fileio.formats.plane_series import make_plane
+from pipeline.formats.kinematics import Kinematics, read_kinematics, write_kinematics
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from piv.foreign.write import write_vectors
+from piv.formats.plane_series import make_plane
 from postprocess.lab.silhouette import left_of
 
 VECTORS = """format = "dpiv"

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.kinematics import read_kinematics, write_kinematics
-from fileio.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
+from pipeline.formats.kinematics import read_kinematics, write_kinematics
+from piv.formats.plane_series import FINGER_VARIABLES, make_plane, read_plane, write_plane
 from tests.synthetic_stroke import SCENE as SINGLE
 from tests.synthetic_stroke import write_case
 

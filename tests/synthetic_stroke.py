@@ -12,10 +12,10 @@ import pandas as pd
 import xarray as xr
 from scipy.special import expit
 
-from fileio.formats.kinematics import write_kinematics
-from fileio.formats.mesh_intervals import SWEEP, Interval, write_planform
-from fileio.formats.plane_series import make_plane, write_plane
-from fileio.record import write_record
+from pipeline.formats.kinematics import write_kinematics
+from pipeline.formats.mesh_intervals import SWEEP, Interval, write_planform
+from piv.files.record import write_record
+from piv.formats.plane_series import make_plane, write_plane
 from piv.images.masks import inside_polygon
 
 ROOT = np.array([0.0, 0.24])

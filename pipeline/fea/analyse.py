@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fileio.formats.bending_states import BendingStates, FloatArray
 from pipeline.fea.cell import plane
 from pipeline.fea.cell.bending_law import TURNS, bending_law
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import State, UnitCell
 from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
 from pipeline.fea.settings import Actuator, Fea
+from pipeline.formats.bending_states import BendingStates, FloatArray
 
 
 def _thickness(cell: UnitCell, state: State) -> float:

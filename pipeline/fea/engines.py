@@ -6,14 +6,14 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import BendingStates
-from fileio.provenance import versions
 from pipeline.fea import analyse
 from pipeline.fea.imported.importing import digitised, profiles_of, states_of
 from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
+from pipeline.formats.bending_states import BendingStates
+from piv.files.errors import StageError
+from piv.files.provenance import versions
 
 LIBRARIES = ("felupe", "gmsh", "meshio", "numpy", "pyvista", "scipy", "tensortrax")
 READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read_xdmf}

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 
 
 def outline(profile: FloatArray, thickness: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 
 _STRICT = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
 

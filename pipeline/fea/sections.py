@@ -2,10 +2,10 @@
 
 from pydantic import ValidationError
 
-from fileio.errors import StageError
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.scene.scene import Scene
 from pipeline.scene.section import validation_sentence
+from piv.files.errors import StageError
 
 _LENGTH_TOLERANCE = 0.02  # of finger.length: kinematics refuses states of another length
 

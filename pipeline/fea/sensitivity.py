@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fileio.child_process import worker_pool
-from fileio.formats.bending_states import BendingStates, FloatArray
 from pipeline.fea.analyse import bend
 from pipeline.fea.settings import UNCERTAIN_AT_KPA, Actuator, Fea, Material
+from pipeline.formats.bending_states import BendingStates, FloatArray
+from piv.files.child_process import worker_pool
 
 _PRESSURE_STD_PA = 200.0 / np.sqrt(3)  # the sensor's ±0.2 kPa, as limits of an even distribution
 _SENSOR = "pressure ± 0.2 kPa"

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import write
 from pipeline.fea.engines import bending_states
 from pipeline.fea.sections import check_length, sections
 from pipeline.fea.sensitivity import variations, with_uncertainty
+from pipeline.formats.bending_states import write
 from pipeline.scene.read_toml import OWN_STATES
 from pipeline.scene.scene import Scene, load_scene
+from piv.files.errors import StageError
 
 _USED_BY = ("fea", "structure")  # of motion.source
 

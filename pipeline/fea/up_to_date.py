@@ -5,12 +5,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import read
-from fileio.json_text import flat
 from pipeline.fea.sections import check_length, sections
+from pipeline.formats.bending_states import read
 from pipeline.scene.read_toml import command, merge, read_layers
 from pipeline.scene.scene import Scene
+from piv.files.errors import StageError
+from piv.files.json_text import flat
 
 _NOT_OF_THE_STATES = {"uncertainty", "partial", "under_load"}  # keys of [fea] on their accuracy
 

@@ -13,9 +13,9 @@ from numpy import ndarray
 from scipy.optimize import brentq
 from scipy.special import expit
 
-from fileio.errors import StageError
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.scene.pinch import Pinch
+from piv.files.errors import StageError
 
 _SCAN = 0.25e3  # Pa: steps of the search for contact, half a degree of bend apart
 _SCANS = 50  # at least; for shapes over time

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import States, read_states, shapes_of
-from fileio.formats.recorded_motion import read_recorded_motion
 from pipeline.fea import paper_equations as paper_model
+from pipeline.formats.bending_states import States, read_states, shapes_of
+from pipeline.formats.recorded_motion import read_recorded_motion
 from pipeline.kinematics.contact import closing_law, gap
 from pipeline.kinematics.pressure_law import PressureLaw, measured_law, stroke_law
 from pipeline.kinematics.recorded_motion import recorded_law
@@ -24,6 +23,7 @@ from pipeline.kinematics.shapes import (
 )
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import SMOOTHING, Finger, Motion
+from piv.files.errors import StageError
 
 _LAW_SAMPLES_PER_SECOND = 4000
 # of finger.length against that of its states: digitised profiles are no better

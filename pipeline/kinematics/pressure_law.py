@@ -8,8 +8,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from fileio.errors import StageError
 from pipeline.scene.sections import SMOOTHING
+from piv.files.errors import StageError
 
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 

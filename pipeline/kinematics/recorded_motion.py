@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.errors import StageError
-from fileio.formats.recorded_motion import SCHEMA, read_recorded_motion
+from pipeline.formats.recorded_motion import SCHEMA, read_recorded_motion
 from pipeline.kinematics.pressure_law import PressureLaw, history_law
+from piv.files.errors import StageError
 
 
 def recorded_law(path: Path, factor: float) -> PressureLaw:

@@ -6,11 +6,11 @@ import numpy as np
 import shapely
 from numpy import ndarray
 
-from fileio.errors import StageError
 from pipeline.kinematics.contact import gap
 from pipeline.scene.obstacle import Obstacle
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.sections import Tank
+from piv.files.errors import StageError
 
 _ROOT_PLAY = 1e-4  # m: the clamped root itself rises by microns as the finger bends
 _GAP_TOLERANCE = 1e-9  # m: rounding of the pressure at which the tips stop

@@ -7,7 +7,7 @@ import shapely
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.bending_states import States
+from pipeline.formats.bending_states import States
 from pipeline.scene.sections import Chambers
 
 # of the width of a gap between two chambers

@@ -6,7 +6,7 @@ Of a coupled run they are a first guess, under modelled water, for its meshes.
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.kinematics import write_kinematics
+from pipeline.formats.kinematics import write_kinematics
 from pipeline.kinematics.contact import closing_sentence
 from pipeline.kinematics.values import kinematics_values, units_of
 from pipeline.scene.scene import Scene

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fileio.formats.bending_states import States
-from fileio.formats.kinematics import SHAPE, SHAPE_OF_TIME
 from pipeline.fea import paper_equations
+from pipeline.formats.bending_states import States
+from pipeline.formats.kinematics import SHAPE, SHAPE_OF_TIME
 from pipeline.kinematics.contact import closing_summary, gap
 from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
 from pipeline.kinematics.rigid_body import rigid_values

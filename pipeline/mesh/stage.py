@@ -9,10 +9,9 @@ import shapely
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics, read_kinematics
-from fileio.formats.mesh_intervals import Interval, write_planform
-from fileio.formats.records import MESH_QUALITY
+from pipeline.formats.kinematics import Kinematics, read_kinematics
+from pipeline.formats.mesh_intervals import Interval, write_planform
+from pipeline.formats.records import MESH_QUALITY
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import shape_quality
 from pipeline.mesh.fixed_bodies import FixedBody, fixed_bodies
@@ -31,6 +30,7 @@ from pipeline.mesh.sweep_levels import graded_layers
 from pipeline.scene.obstacle import OBSTACLE_PATCHES
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
+from piv.files.errors import StageError
 
 _MOST_MESHES = 6
 _FEW_CELLS = 3.0  # between a body and the tank's bounds: too few to follow it

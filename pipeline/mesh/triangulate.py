@@ -7,8 +7,8 @@ import gmsh
 import numpy as np
 from numpy import ndarray
 
-from fileio.errors import StageError
 from pipeline.scene.sections import Mesh
+from piv.files.errors import StageError
 
 _GROWTH = 0.3  # of the cell size with the distance from a gap, where mesh.wall_grading says nothing
 _LEAST_SINE = 0.45  # of a quadrilateral's corners: others are split in two

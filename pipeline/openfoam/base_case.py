@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from fileio.errors import StageError
+from piv.files.errors import StageError
 
 BASE = Path(__file__).resolve().parents[2] / "cases" / "_base"
 if not BASE.is_dir():  # installed from a wheel

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.mesh_intervals import IntervalMesh
+from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
 from pipeline.openfoam.ranks import Ranks, collated_content
 

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from fileio.atomic import check_room, name_in_errors
-from fileio.errors import StageError
+from piv.files.atomic import check_room, name_in_errors
+from piv.files.errors import StageError
 
 _INSTALL = "apt-get install openfoam"
 _NEEDED = (

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from fileio import atomic as whole_file
-from fileio.errors import StageError
+from piv.files import atomic as whole_file
+from piv.files.errors import StageError
 
 END = b"\n\n// ************************************************************************* //\n"
 

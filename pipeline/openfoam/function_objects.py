@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.errors import StageError
+from piv.files.errors import StageError
 
 _BRACKETS = str.maketrans("()", "  ")
 

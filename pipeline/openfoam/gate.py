@@ -13,8 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from select import select
 
-from fileio.atomic import write_text
 from pipeline.openfoam.displacement_files import time_name
+from piv.files.atomic import write_text
 
 _PATIENCE = 0.1  # s between two looks whether the solver is alive
 _SAMPLER = """

@@ -9,8 +9,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from fileio.errors import StageError
 from pipeline.openfoam.foamfile import header, is_complete, write_bytes
+from piv.files.errors import StageError
 
 LEAST_CELLS = 5000  # of a rank: with fewer, ranks wait for each other longer than they work
 COLLATED = b"decomposedBlockData"

@@ -14,10 +14,10 @@ from typing import BinaryIO, cast
 import numpy as np
 import pyvista as pv
 
-from fileio.atomic import check_room
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval
-from fileio.record import check_whole
+from pipeline.formats.mesh_intervals import Interval
+from piv.files.atomic import check_room
+from piv.files.errors import StageError
+from piv.files.record import check_whole
 
 _TYPES = {"float": ">f4", "double": ">f8", "int": ">i4", "long": ">i8"}
 _Layout = dict[str, tuple[int, int, str]]
@@ -85,7 +85,7 @@ def sampled_surfaces(
         folder = case / interval.name / "postProcessing" / f"{name}Surface"
         files = [(float(file.parent.name), file) for file in folder.glob(f"*/{name}.vtk")]
         if not files:
-            raise StageError(f"{folder}: the solver wrote no {name}; run the stage 'run' first")
+            raise StageError(f"{folder}: the solver wrote no {name}; run the stage 'solve' first")
         # the overlap belongs to the interval before
         surfaces += sorted(file for file in files if file[0] > interval.start + 1e-9)
     return surfaces

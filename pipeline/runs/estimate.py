@@ -1,11 +1,11 @@
 """Estimated cost of a stage: that of its last run, else that of single_finger, scaled."""
 
-from fileio.record import read_record
 from pipeline.fea.sections import sections
 from pipeline.fea.settings import UNCERTAIN_AT_KPA
 from pipeline.runs.run import Run
 from pipeline.runs.stages import BY_NAME, FEA
 from pipeline.scene.predicted import predicted
+from piv.files.record import read_record
 
 # relative to coarse
 _SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}

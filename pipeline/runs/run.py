@@ -10,21 +10,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import sha256
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.json_text import flat
-from fileio.lock import exclusive
-from fileio.provenance import digest
-from fileio.record import changed_outputs, read_record, record_path
 from pipeline.fea.sections import check_length, sections
 from pipeline.fea.up_to_date import check_states
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.kinematics.camera_window import following, tip_path, unseen_tip
 from pipeline.kinematics.values import kinematics_values
-from pipeline.kinematics.view import following, tip_path, unseen_tip
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
+from piv.files.atomic import sha256
+from piv.files.errors import StageError
+from piv.files.json_text import flat
+from piv.files.lock import exclusive
+from piv.files.provenance import digest
+from piv.files.record import changed_outputs, read_record, record_path
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis

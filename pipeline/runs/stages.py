@@ -70,20 +70,20 @@ STAGES = (
     Stage(
         "case", "pipeline.case", "the OpenFOAM case",
         ("mesh",),
-        # all but system/numbers and decomposeParDict, which the run stage writes
+        # all but system/numbers and decomposeParDict, which the stage solve writes
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
         folders=("case",), cost=(1, 500), temporary=True, coupled_version=3,
     ),
     Stage(
-        "run", "pipeline.run.stage", "the flow, by OpenFOAM; resumes after an interruption",
+        "solve", "pipeline.solve.stage", "the flow, by OpenFOAM; resumes after an interruption",
         ("case",), ("run/run.json", "run/*.csv", "run/*.h5", "case/*/postProcessing/*/*/*.vtk"),
         folders=("case",), cost=(160, 600), ranks=True, temporary=True,
     ),
     Stage(
         "sheet", "pipeline.sheet", "the flow in the laser sheet",
-        ("run",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": _SHEET_GRID},
+        ("solve",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": _SHEET_GRID},
         cost=(14, 500),
     ),
     Stage(
@@ -113,25 +113,25 @@ STAGES = (
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
-        ("vortices_cfd", "vortices_piv", "kinematics", "run", "sheet", "piv"),
+        ("vortices_cfd", "vortices_piv", "kinematics", "solve", "sheet", "piv"),
         ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv"),
         {"name": True, "level": True}, version=3, cost=(3, 600),
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("run",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
+        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
         version=6,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
-        ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "run", "sheet",
+        ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "solve", "sheet",
          "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
         version=5, cost=(35, 900), threads=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",
-        ("figures", "compare", "run"), ("report.html",),
+        ("figures", "compare", "solve"), ("report.html",),
         {"title": True, "name": True, "level": True}, version=4, cost=(1, 900),
     ),
 )  # fmt: skip

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fileio.errors import StageError, suggestion
-from fileio.json_text import flat
-from fileio.toml_text import read_toml
+from pipeline.scene.toml_text import read_toml
+from piv.files.errors import StageError, suggestion
+from piv.files.json_text import flat
 
 # of [motion]: files, relative to the scene that names them
 FILE_KEYS = {"states", "pressure_csv", "recording", "path_csv"}

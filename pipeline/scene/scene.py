@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from fileio.errors import StageError
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
 from pipeline.scene.obstacle import Obstacle
@@ -30,6 +29,7 @@ from pipeline.scene.sections import (
     Structure,
     Tank,
 )
+from piv.files.errors import StageError
 
 _PAPER_CLEARANCE = 0.1  # m of water, or more, below the tip in the experiment
 

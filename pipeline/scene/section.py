@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fileio.key_reference import complaints
+from pipeline.scene.key_reference import complaints
 
 # strict: a number in quotes is no number
 Number = Annotated[float, Field(strict=True)]

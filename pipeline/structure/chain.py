@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from fileio.formats.bending_states import BendingLaw, FloatArray, States
+from pipeline.formats.bending_states import BendingLaw, FloatArray, States
 from pipeline.kinematics.shapes import arc_length, node_angle, profile_splines
 from pipeline.structure.elastic_law import law_at
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 from pipeline.structure.chain import Chain
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import (

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from fileio.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
+from pipeline.formats.bending_states import BendingLaw, BendingStates, FloatArray, States
 
 # of the table's last interval, along its slope; in the shipped states three times the moment
 _BEYOND = 4.0

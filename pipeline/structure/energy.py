@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 from pipeline.structure.chain import GAP, MIDDLE, RUBBER, Chain, ComplexArray, placed
 from pipeline.structure.motion import Surroundings, forces, rates_of
 

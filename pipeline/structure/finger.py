@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import FloatArray, States
+from pipeline.formats.bending_states import FloatArray, States
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
@@ -17,6 +16,7 @@ from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
 from pipeline.structure.motion import Surroundings, motion
+from piv.files.errors import StageError
 
 _GRAVITY = 9.81  # m/s²
 # by whether the flow is plane: added mass and drag where no run gives them (docs/coupling.md)

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 from pipeline.structure.chain import (
     AIR,
     GAP,
@@ -28,6 +27,7 @@ from pipeline.structure.chain import (
     joint_moments,
     placed,
 )
+from piv.files.errors import StageError
 
 STEP = 1e-3  # s, of the finger's own motion
 _LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed

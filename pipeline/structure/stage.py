@@ -9,11 +9,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from tqdm import tqdm
 
-from fileio.formats.bending_states import FloatArray
-from fileio.formats.elastic_motion import FILE, read_elastic_motion
-from fileio.formats.finger_loads import motion_sentence, write_loads
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import PER_FINGER, read_intervals
+from pipeline.formats.bending_states import FloatArray
+from pipeline.formats.elastic_motion import FILE, read_elastic_motion
+from pipeline.formats.finger_loads import motion_sentence, write_loads
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.structure.energy import energies

@@ -13,8 +13,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
-from fileio.formats.bending_states import FloatArray
-from fileio.formats.mesh_intervals import PER_FINGER
+from pipeline.formats.bending_states import FloatArray
+from pipeline.formats.mesh_intervals import PER_FINGER
 from pipeline.geometry.quality import cell_areas, cell_centres, planform_edges
 
 # of the sources: 1 % of the inertia, of which a third may be wrong (test_coupling.py)

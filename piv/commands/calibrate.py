@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fileio.atomic import write_bytes
-from fileio.formats.plane_series import read_checked_plane, write_plane
 from piv.commands.settings import report
+from piv.files.atomic import write_bytes
+from piv.formats.plane_series import read_checked_plane, write_plane
 from piv.images.calibration import (
     MODELS_HELP,
     Calibration,

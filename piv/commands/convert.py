@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import OUTLIER, VECTORS
 from piv.commands.settings import at_least, positive
 from piv.fields.summary import summary
 from piv.foreign.read import read_vectors
 from piv.foreign.vector_files import READERS
 from piv.foreign.write import left_out, write_vectors
+from piv.formats.plane_series import OUTLIER, VECTORS
 from piv.images.clock import INTERVAL_HELP, RATE_HELP
 
 

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from fileio.formats.recording import CAMERA
 from piv.commands.settings import add_fields, build, report, run_with
 from piv.correlation.options import Options
+from piv.formats.recording import CAMERA
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording

@@ -2,13 +2,13 @@
 
 import argparse
 
-from fileio.formats.plane_series import read_plane, write_plane
-from fileio.formats.plane_writer import write_blocks
-from fileio.formats.recording import window_of
 from piv.commands.settings import add_paths
 from piv.fields.derived import QUANTITIES, derived, derived_blocks
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
+from piv.formats.plane_series import read_plane, write_plane
+from piv.formats.plane_writer import write_blocks
+from piv.formats.recording import window_of
 from piv.vortices.criteria import SCHEMES
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.atomic import write_bytes
-from fileio.formats.recording import pixel_of
-from fileio.hdf5 import open_netcdf
 from piv.commands.settings import at_least, positive
+from piv.files.atomic import write_bytes
+from piv.files.hdf5 import open_netcdf
+from piv.formats.recording import pixel_of
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import PAIRINGS
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_polygon

@@ -5,12 +5,12 @@ import io
 
 import numpy as np
 
-from fileio.atomic import write_bytes
-from fileio.formats.plane_series import checked, usable
-from fileio.formats.vortex_table import read_vortices
 from piv.commands.settings import add_paths, at_least, positive
 from piv.fields.summary import summary
+from piv.files.atomic import write_bytes
 from piv.foreign.read import open_vectors
+from piv.formats.plane_series import checked, usable
+from piv.formats.vortex_table import read_vortices
 from piv.plots.vectors import Style, draw, shaded, unit_of, vortices_at
 
 

@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.formats.plane_series import Planes, fields_of
-from fileio.formats.plane_writer import write_blocks
 from piv.commands.settings import add_paths, run_with
 from piv.foreign.read import open_vectors
+from piv.formats.plane_series import Planes, fields_of
+from piv.formats.plane_writer import write_blocks
 from piv.momentum.pressure import REFERENCE, WATER, Balance, values_of
 
 

@@ -4,9 +4,9 @@ import argparse
 
 import numpy as np
 
-from fileio.atomic import whole
 from piv.commands.settings import add_paths
 from piv.fields.lines import along_line
+from piv.files.atomic import whole
 from piv.foreign.read import open_vectors
 from piv.foreign.write import units_of
 

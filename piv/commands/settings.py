@@ -6,9 +6,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from fileio.errors import suggestion
-from fileio.formats.plane_series import read_plane
 from piv.fields.summary import summary
+from piv.files.errors import suggestion
+from piv.formats.plane_series import read_plane
 
 VECTORS = "vectors: .h5, .nc or another file of piv convert"
 

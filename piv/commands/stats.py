@@ -7,12 +7,12 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import write_plane
 from piv.commands.settings import add_paths, at_least
 from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
+from piv.formats.plane_series import write_plane
 
 _PHASES = 16  # of an average over a period
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from fileio.formats.vortex_table import write_vortices
 from piv.commands.settings import add_fields, add_paths, build, run_with
 from piv.foreign.read import open_vectors
 from piv.foreign.write import units_of
+from piv.formats.vortex_table import write_vortices
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from piv.vortices.tracking import TrackingSettings

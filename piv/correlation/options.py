@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypedDict, TypeVar, cast, get_type_hints
 import numpy as np
 from numpy import ndarray
 
-from fileio.errors import suggestion
+from piv.files.errors import suggestion
 
 # Newton steps at half and at full resolution; how often the frequency weights are measured
 PRESETS = {"fast": (2, 2, 1), "balanced": (3, 3, 1), "accurate": (4, 6, 2)}

@@ -18,15 +18,6 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import (
-    FLAGS,
-    MASKED,
-    OUTLIER,
-    REPLACED,
-    SECOND_PEAK,
-    UNCERTAIN,
-    VALID,
-)
 from piv.correlation import passes, prefilter
 from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
 from piv.correlation.buffers import image_buffers
@@ -38,6 +29,15 @@ from piv.correlation.pair_images import Prepared
 from piv.correlation.passes import Displacements, vector_dataset
 from piv.correlation.steep_regions import measure_steep_regions
 from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
+from piv.formats.plane_series import (
+    FLAGS,
+    MASKED,
+    OUTLIER,
+    REPLACED,
+    SECOND_PEAK,
+    UNCERTAIN,
+    VALID,
+)
 from piv.validation.denoise import damp_noise
 from piv.validation.outliers import RARE, fill_absent, supported
 

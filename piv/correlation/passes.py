@@ -11,12 +11,12 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import provenance
 from piv.correlation import fft_pass, prefilter
 from piv.correlation.deform import Image, Nodes, spline_value
 from piv.correlation.interpolate import bilinear
 from piv.correlation.newton_step import newton_step
 from piv.correlation.options import Options, grid
+from piv.formats.plane_series import provenance
 from piv.validation.outliers import fill_absent, normalised_median
 
 _FFT_WINDOWS = (64, 32)  # at half resolution

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from fileio.formats.plane_series import BLOCK, check_vectors, fields_of
+from piv.formats.plane_series import BLOCK, check_vectors, fields_of
 
 
 def blocks(series: xr.Dataset) -> Iterator[xr.Dataset]:

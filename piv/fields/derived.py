@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import usable
-from fileio.formats.recording import window_of
 from piv.fields.blocks import blocks
+from piv.formats.plane_series import usable
+from piv.formats.recording import window_of
 from piv.vortices.criteria import (
     Gradients,
     derivative,

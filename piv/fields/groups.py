@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from fileio.errors import one_line
+from piv.files.errors import one_line
 
 
 def phases(times: ndarray, period: float, start: float = 0.0) -> ndarray:

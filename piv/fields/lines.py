@@ -8,8 +8,8 @@ import xarray as xr
 from numpy import ndarray
 from scipy.interpolate import RegularGridInterpolator
 
-from fileio.formats.plane_series import usable
 from piv.fields.blocks import blocks, fields_of
+from piv.formats.plane_series import usable
 
 _SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
 

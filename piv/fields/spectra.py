@@ -10,8 +10,8 @@ import xarray as xr
 from numpy import ndarray
 from scipy.signal import lombscargle
 
-from fileio.formats.plane_series import usable, vectors_of
 from piv.fields.blocks import blocks
+from piv.formats.plane_series import usable, vectors_of
 
 _LEAST_PART = 0.5  # of a line or a segment that must hold usable vectors
 

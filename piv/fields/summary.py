@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import Planes, usable, vectors_of
+from piv.formats.plane_series import Planes, usable, vectors_of
 
 _INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 

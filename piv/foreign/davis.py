@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from fileio.child_process import read_in_child
-from fileio.errors import one_line
+from piv.files.child_process import read_in_child
+from piv.files.errors import one_line
 
 
 def read_buffer(path: Path) -> dict[str, Any]:

@@ -10,9 +10,9 @@ from numpy import ndarray
 from scipy.io import loadmat
 from scipy.io.matlab import matfile_version
 
-from fileio.child_process import read_in_child
-from fileio.errors import one_line
-from fileio.hdf5 import check_hdf5
+from piv.files.child_process import read_in_child
+from piv.files.errors import one_line
+from piv.files.hdf5 import check_hdf5
 
 VECTORS = ("u", "v", "typevector")
 NAMES = ("x", "y", "units", *(f"{n}_{end}" for n in VECTORS for end in ("original", "filtered")))

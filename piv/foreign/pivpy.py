@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.errors import one_line
-from fileio.formats.plane_series import SCHEMA, read_plane
-from fileio.hdf5 import open_netcdf, whole_netcdf
+from piv.files.errors import one_line
+from piv.files.hdf5 import open_netcdf, whole_netcdf
+from piv.formats.plane_series import SCHEMA, read_plane
 
 # which pivpy writes for whatever it has read, metres among them: it states nothing
 _DEFAULT_UNIT = "pix"

@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import checked, make_plane, read_plane
-from fileio.json_text import natural_key
+from piv.files.json_text import natural_key
 from piv.foreign.pivpy import netcdf_layout, own_netcdf, read_pivpy
 from piv.foreign.vector_files import (
     READERS,
@@ -23,6 +22,7 @@ from piv.foreign.vector_files import (
 )
 from piv.foreign.whole import read_csv, read_whole
 from piv.foreign.write import units_of
+from piv.formats.plane_series import checked, make_plane, read_plane
 from piv.images.calibration import Calibration, calibrate_plane
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}

@@ -20,11 +20,11 @@ from numpy import ndarray
 from scipy.io import loadmat, savemat
 from scipy.io.matlab import matfile_version
 
-from fileio.atomic import whole, write_text
-from fileio.child_process import read_in_child
-from fileio.errors import one_line
-from fileio.formats.plane_series import SCHEMA, check_plane, fields_of
-from fileio.json_text import plain
+from piv.files.atomic import whole, write_text
+from piv.files.child_process import read_in_child
+from piv.files.errors import one_line
+from piv.files.json_text import plain
+from piv.formats.plane_series import SCHEMA, check_plane, fields_of
 
 _MARK = "# plane-series "  # before the JSON in the last line of a Tecplot file
 _TAIL = 1 << 16  # bytes of it that are looked through at first

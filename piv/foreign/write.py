@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.atomic import write_text
-from fileio.formats.plane_series import check_plane, write_plane
+from piv.files.atomic import write_text
 from piv.foreign.pivpy import write_pivpy
 from piv.foreign.whole import write_csv, write_mat, write_tecplot, write_vti
+from piv.formats.plane_series import check_plane, write_plane
 
 _WHOLE = {  # which hold every variable
     ".h5": write_plane,

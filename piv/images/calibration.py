@@ -16,8 +16,8 @@ from numpy import ndarray
 from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
-from fileio.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable, vectors_of
-from fileio.schema import JsonFormat
+from piv.files.schema import JsonFormat
+from piv.formats.plane_series import OUTLIER, UNCERTAIN, make_plane, usable, vectors_of
 from piv.images.clock import interval_of, seconds
 from piv.images.open_recording import row_to_y_px
 

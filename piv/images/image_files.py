@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
-from fileio.json_text import natural_key
+from piv.files.json_text import natural_key
 from piv.images.recording import Recording
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from fileio.errors import one_line
-from fileio.formats.recording import pixel_of
+from piv.files.errors import one_line
+from piv.formats.recording import pixel_of
 from piv.images.image_files import ImageFiles
 from piv.images.masks import not_whole, outline_px, polygons_mask, read_mask
 from piv.images.open_recording import IMAGE_SUFFIXES, open_recording, row_to_y_px

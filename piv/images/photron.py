@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.errors import one_line
+from piv.files.errors import one_line
 from piv.images.recording import Recording
 
 

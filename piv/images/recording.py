@@ -17,7 +17,7 @@ class Recording:
     `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
     `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where they are not
     known, to be set then; `rec.attrs`: what is known of `bits` and of
-    `fileio.formats.recording.CAMERA`. A context manager. Frames raise ValueError where they cannot
+    `piv.formats.recording.CAMERA`. A context manager. Frames raise ValueError where they cannot
     be read.
     """
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy import ndarray
 
-from fileio.errors import one_line
-from fileio.formats.plane_series import FINGER_VARIABLES
-from fileio.formats.recording import CAMERA, open_recording_file
+from piv.files.errors import one_line
+from piv.formats.plane_series import FINGER_VARIABLES
+from piv.formats.recording import CAMERA, open_recording_file
 from piv.images.recording import LARGEST_CHUNK, Recording
 
 # of damaged files

@@ -8,8 +8,8 @@ import xarray as xr
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
-from fileio.formats.plane_series import AXES, UNITS, VECTORS, Planes, usable
-from fileio.formats.recording import window_of
+from piv.formats.plane_series import AXES, UNITS, VECTORS, Planes, usable
+from piv.formats.recording import window_of
 from piv.momentum.acceleration import REACHES, Field, Flow, acceleration, time_slope
 from piv.momentum.integrate import Integral, Links, links
 from piv.momentum.outline import Shore, loads, wall_gradients

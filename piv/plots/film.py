@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.atomic import whole
+from piv.files.atomic import whole
 
 _H264 = "-c:v libx264 -preset medium -movflags +faststart"
 _CODECS = {".webm": "-c:v libvpx-vp9 -b:v 0 -deadline good -cpu-used 5"}

@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from fileio.formats.plane_series import fields_of, usable
+from piv.formats.plane_series import fields_of, usable
 
 logging.getLogger("matplotlib.font_manager").setLevel(
     logging.ERROR

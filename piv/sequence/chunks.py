@@ -10,10 +10,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from fileio.formats.plane_series import FINGER_VARIABLES
-from fileio.formats.resumable import FIELDS, SeriesWriter
-from fileio.hdf5 import open_hdf5
-from fileio.json_text import parse_json
+from piv.files.hdf5 import open_hdf5
+from piv.files.json_text import parse_json
+from piv.formats.plane_series import FINGER_VARIABLES
+from piv.formats.resumable import FIELDS, SeriesWriter
 
 BLOCK = 1000  # fields' finger variables in memory at a time
 

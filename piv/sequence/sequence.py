@@ -14,12 +14,12 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.formats.plane_series import AXES, provenance, usable
-from fileio.formats.recording import CAMERA, pixel_of
-from fileio.formats.resumable import SeriesWriter
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.correlation.pair_images import check_images
+from piv.formats.plane_series import AXES, provenance, usable
+from piv.formats.recording import CAMERA, pixel_of
+from piv.formats.resumable import SeriesWriter
 from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import pairs
 from piv.images.preprocess import Preprocessor

@@ -10,8 +10,8 @@ from numpy import ndarray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
-from fileio.formats.plane_series import VECTORS, Planes, check_vectors, usable
 from piv.compiled import compiled, fast
+from piv.formats.plane_series import VECTORS, Planes, check_vectors, usable
 
 USED = (*VECTORS, "w", "dwdz", "outline", "outline_velocity")
 CACHED_PLANES = 6

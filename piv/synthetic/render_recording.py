@@ -9,9 +9,9 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
-from fileio.atomic import write_bytes
-from fileio.formats.plane_series import FINGER_VARIABLES, UNITS, provenance, usable
-from fileio.formats.recording import RecordingWriter
+from piv.files.atomic import write_bytes
+from piv.formats.plane_series import FINGER_VARIABLES, UNITS, provenance, usable
+from piv.formats.recording import RecordingWriter
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.truth import write_truth
 from piv.synthetic.virtual_camera import Recorder, finger_at

@@ -6,8 +6,8 @@ from pathlib import Path
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.formats.plane_series import FINGER_VARIABLES, provenance
-from fileio.formats.plane_writer import instant, new_series, write_blocks
+from piv.formats.plane_series import FINGER_VARIABLES, provenance
+from piv.formats.plane_writer import instant, new_series, write_blocks
 from piv.synthetic.virtual_camera import Recorder, finger_at
 
 

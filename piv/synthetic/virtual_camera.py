@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import FINGER_VARIABLES, usable
-from fileio.formats.recording import CAMERA
+from piv.formats.plane_series import FINGER_VARIABLES, usable
+from piv.formats.recording import CAMERA
 from piv.images.masks import inside_polygon
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import (

@@ -10,13 +10,13 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import fields_of, usable
-from fileio.formats.recording import window_of
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.lines import along_line, bilinear
 from piv.fields.summary import summary
 from piv.foreign.write import units_of
+from piv.formats.plane_series import fields_of, usable
+from piv.formats.recording import window_of
 from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
 from piv.images.masks import inside_polygon, polygons_mask

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from fileio.atomic import write_text
+from piv.files.atomic import write_text
 
 Polygon = list[list[float]]  # corners (x, y)
 

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import check_vectors, usable
-from fileio.formats.recording import pixel_of
-from fileio.hdf5 import open_hdf5
 from piv.correlation.options import Options
+from piv.files.hdf5 import open_hdf5
 from piv.foreign.read import open_vectors
+from piv.formats.plane_series import check_vectors, usable
+from piv.formats.recording import pixel_of
 from piv.images.image_files import PAIRINGS
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording

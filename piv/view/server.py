@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from fileio.errors import sentence
-from fileio.json_text import plain
+from piv.files.errors import sentence
+from piv.files.json_text import plain
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import Scene

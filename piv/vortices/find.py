@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import MASKED, VALID, usable
-from fileio.formats.recording import window_of
+from piv.formats.plane_series import MASKED, VALID, usable
+from piv.formats.recording import window_of
 from piv.images.masks import inside_polygon
 from piv.vortices.joint_fit import fit_regions
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS

@@ -12,9 +12,9 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from fileio.child_process import worker_pool
-from fileio.formats.plane_series import VECTORS, Planes, check_vectors, usable
-from fileio.formats.vortex_table import COLUMNS
+from piv.files.child_process import worker_pool
+from piv.formats.plane_series import VECTORS, Planes, check_vectors, usable
+from piv.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker, TrackingSettings

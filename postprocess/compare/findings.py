@@ -34,10 +34,10 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, StringConstraints, ValidationError, model_validator
 
-from fileio.errors import StageError
-from fileio.provenance import check_version
-from fileio.toml_text import read_toml
 from pipeline.scene.section import NotNegative, Number, Section, validation_sentence
+from pipeline.scene.toml_text import read_toml
+from piv.files.errors import StageError
+from piv.files.provenance import check_version
 from postprocess.evidence.evidence import Measured
 from postprocess.evidence.time_windows import Window, read_window
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import xarray as xr
 
-from fileio.atomic import sha256
-from fileio.formats.records import COMPARISON, RUN
-from fileio.provenance import versions
-from fileio.record import read_record
+from pipeline.formats.records import COMPARISON, RUN
 from pipeline.scene.scene import Scene
+from piv.files.atomic import sha256
+from piv.files.provenance import versions
+from piv.files.record import read_record
 from postprocess.compare.findings import (
     Finding,
     is_met,
@@ -36,7 +36,7 @@ from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
 from postprocess.words import quantity as quantity_text
 
-_INPUTS = ("run", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
+_INPUTS = ("solve", "sheet", "images", "piv", "vortices_cfd", "vortices_piv")
 _COPIED = (
     *("id", "kind", "finding", "figure", "quantity", "comparison"),
     *("value", "tolerance", "reason"),
@@ -140,7 +140,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
     sentences = read_sentences(own or _AGREEMENT, findings)
     evidence = load_evidence(files)
     out = files.out
-    run = RUN.read(files.required("run/run.json", "run"))
+    run = RUN.read(files.required("run/run.json", "solve"))
     middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
     if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
         # A flow without a vortex is compared by its velocities alone.

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy import ndarray
 from PIL import Image
 
-from fileio.atomic import write_bytes
+from piv.files.atomic import write_bytes
 
 _QUALITY = 70  # of 100: text stays sharp, a frame stays near 20 kB
 

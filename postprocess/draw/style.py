@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fileio.atomic import write_bytes
+from piv.files.atomic import write_bytes
 
 # Okabe and Ito's colours, told apart by every kind of colour vision
 CFD, PIV, LAB = "#0072b2", "#d55e00", "#009e73"

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from numpy import ndarray
 
-from fileio.formats.plane_series import VECTORS, usable
+from piv.formats.plane_series import VECTORS, usable
 from postprocess.evidence.fields import frame
 
 COLUMNS = ("time", "stagnation_y", "jet_speed", "jet_y", "rise_speed", "rise_y")

@@ -6,7 +6,7 @@ import xarray as xr
 from numpy import ndarray
 from scipy.ndimage import map_coordinates
 
-from fileio.formats.plane_series import Planes, check_vectors, usable, vectors_of
+from piv.formats.plane_series import Planes, check_vectors, usable, vectors_of
 
 ROUNDING = 1e-9  # a weight or time below this is rounding, not information
 

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.plane_series import read_plane
+from pipeline.formats.kinematics import read_kinematics
 from pipeline.runs.run import open_run, single_finger_out
 from pipeline.scene.scene import Scene
+from piv.formats.plane_series import read_plane
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.centreline import centreline

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fileio.formats import vortex_table
+from piv.formats import vortex_table
 
 _REACH = 2.5  # tip widths; a vortex further off is not the tip's
 _RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees

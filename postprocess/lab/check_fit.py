@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
 from piv.images.recording import Recording
 from postprocess.lab.fit_outline import law_pressure, shapes_of
 from postprocess.lab.outline_profile import (

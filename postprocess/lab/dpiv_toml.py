@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fileio.errors import StageError
-from fileio.hdf5 import open_hdf5
-from fileio.key_reference import MISSING, Key, complaints, keys_of, template, toml_value
-from fileio.provenance import check_version
-from fileio.toml_text import read_toml
+from pipeline.scene.key_reference import MISSING, Key, complaints, keys_of, template, toml_value
+from pipeline.scene.toml_text import read_toml
+from piv.files.errors import StageError
+from piv.files.hdf5 import open_hdf5
+from piv.files.provenance import check_version
 from piv.images.open_recording import (
     HDF5_SUFFIXES,
     IMAGE_SUFFIXES,

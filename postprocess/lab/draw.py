@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
 from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
 from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure
 from postprocess.lab.fit_outline import law_pressure

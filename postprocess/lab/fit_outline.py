@@ -16,8 +16,8 @@ import numba
 import numpy as np
 from scipy.special import logsumexp
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics, counter_clockwise
+from pipeline.formats.kinematics import Kinematics, counter_clockwise
+from piv.files.errors import StageError
 from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import (
     FINE_PX,

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.formats.plane_series import read_plane, usable
+from piv.files.errors import StageError
+from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.load import load_of_sheet

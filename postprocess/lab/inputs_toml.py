@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 from pydantic import ValidationError
 
-from fileio.errors import StageError
-from fileio.key_reference import complaints
-from fileio.provenance import check_version
-from fileio.toml_text import read_toml
+from pipeline.scene.key_reference import complaints
+from pipeline.scene.toml_text import read_toml
+from piv.files.errors import StageError
+from piv.files.provenance import check_version
 from postprocess.lab.dpiv_toml import Positive, Table
 
 # Roache (1994), eq. 5: order of the scheme, and the safety factor of two grids, which assume it

@@ -14,9 +14,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from scipy.spatial import cKDTree
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import SHAPE, Kinematics
-from fileio.formats.plane_series import usable
+from pipeline.formats.kinematics import SHAPE, Kinematics
+from piv.files.errors import StageError
+from piv.formats.plane_series import usable
 from postprocess.lab.fit_outline import REACH, law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.register import Registration

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
 from postprocess.lab.fit_outline import Shapes
 from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import WaterLikelihood, particles

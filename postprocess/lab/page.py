@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fileio.atomic import write_bytes, write_text
+from piv.files.atomic import write_bytes, write_text
 from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
 from postprocess.lab import draw

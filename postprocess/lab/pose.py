@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from fileio.formats.plane_series import FINGER_VARIABLES, make_plane
+from piv.formats.plane_series import FINGER_VARIABLES, make_plane
 from piv.synthetic.plane_spline import PlaneField
 from piv.synthetic.virtual_camera import finger_at
 

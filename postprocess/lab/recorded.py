@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.errors import StageError
+from piv.files.errors import StageError
 from piv.foreign.read import read_own
 from piv.images.calibration import Calibration, calibrate_plane, load_calibration, rectify_image
 from piv.images.open_recording import open_recording

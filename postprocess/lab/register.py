@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics
+from pipeline.formats.kinematics import Kinematics
+from piv.files.errors import StageError
 from piv.images.recording import Recording
 from postprocess.lab.dpiv_toml import Dpiv, Start
 from postprocess.lab.fit_outline import (

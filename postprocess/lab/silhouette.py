@@ -14,7 +14,7 @@ import cv2
 import numba
 import numpy as np
 
-from fileio.errors import StageError
+from piv.files.errors import StageError
 from piv.images.masks import dark_body
 
 _COST = 4.0  # at most, of a particle within an outline: a reflection on the body must not move it

@@ -15,10 +15,10 @@ import pandas as pd
 import xarray as xr
 from scipy.ndimage import distance_transform_edt
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import Kinematics
-from fileio.formats.plane_series import AXES, read_plane, usable, write_plane
+from pipeline.formats.kinematics import Kinematics
 from piv.correlation.options import Options
+from piv.files.errors import StageError
+from piv.formats.plane_series import AXES, read_plane, usable, write_plane
 from piv.images.masks import polygons_mask
 from piv.images.recording import Recording
 from piv.sequence.sequence import SequenceOptions, correlate_recording

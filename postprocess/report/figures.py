@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from fileio.child_process import read_in_child, worker_pool
-from fileio.formats.finger_loads import motion_sentence, read_loads
-from fileio.formats.mesh_intervals import read_planforms
-from fileio.formats.plane_series import read_plane
-from fileio.formats.records import COMPARISON, FIGURES
+from pipeline.formats.finger_loads import motion_sentence, read_loads
+from pipeline.formats.mesh_intervals import read_planforms
+from pipeline.formats.records import COMPARISON, FIGURES
 from pipeline.scene.scene import Scene
+from piv.files.child_process import read_in_child, worker_pool
+from piv.formats.plane_series import read_plane
 from postprocess.evidence.load import read_clock, read_sources
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.flow_figures import Flow, instant_figures, slider_frames, tip_vortices

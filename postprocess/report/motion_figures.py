@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.formats.finger_loads import read_loads
-from fileio.formats.kinematics import read_kinematics
+from pipeline.formats.finger_loads import read_loads
+from pipeline.formats.kinematics import read_kinematics
 from postprocess.draw import series as draw_series
 from postprocess.draw import water as draw_water
 from postprocess.report.picture_index import Album

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from fileio.formats.kinematics import read_kinematics
+from pipeline.formats.kinematics import read_kinematics
 from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch

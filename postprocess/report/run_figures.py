@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from fileio.formats.recording import open_recording_file
-from fileio.formats.records import POWER, POWER_TERMS, RUN
+from pipeline.formats.records import POWER, POWER_TERMS, RUN
+from piv.formats.recording import open_recording_file
 from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
@@ -21,7 +21,7 @@ def energy_figure(album: Album, out: Path) -> None:
     tables = POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
     known = (table[table["time"] <= (balance.get("until") or np.inf)] for table in tables)
     alt = "Work of the finger over time, and what it has become, stacked."
-    album.add(draw_solver.energy(*known), "energy.svg", "run", alt, balance_sentence(balance))
+    album.add(draw_solver.energy(*known), "energy.svg", "solve", alt, balance_sentence(balance))
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:
@@ -56,4 +56,4 @@ def camera_picture(album: Album, recording: Path, time: float) -> None:
     animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
     caption = f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures."
-    album.add(None, "camera.webp", "run", alt, caption)
+    album.add(None, "camera.webp", "solve", alt, caption)

@@ -8,9 +8,9 @@ import pyvista as pv
 import xarray as xr
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from fileio.formats.plane_series import make_plane
-from pipeline.view.fields import RunFields
-from pipeline.view.grids import mirror_planes, with_mirror_image
+from pipeline.paraview.fields import RunFields
+from pipeline.paraview.grids import mirror_planes, with_mirror_image
+from piv.formats.plane_series import make_plane
 from piv.plots.film import write_film
 from postprocess.draw import animation
 from postprocess.draw.flow import EDGES

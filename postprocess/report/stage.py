@@ -5,12 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from fileio.atomic import write_text
-from fileio.formats.records import COMPARISON, FIGURES, RUN
-from fileio.record import read_record
+from pipeline.formats.records import COMPARISON, FIGURES, RUN
 from pipeline.runs.estimate import duration
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import Scene
+from piv.files.atomic import write_text
+from piv.files.record import read_record
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report import trust, wording
 from postprocess.report.assumptions import flow_numbers, purpose, statements
@@ -23,7 +23,7 @@ _MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".
 def make_report(files: StageFiles) -> Path:
     """Write report.html; FileNotFoundError for a missing input."""
     comparison = COMPARISON.read(files.required("comparison.json", "compare"))
-    run = RUN.read(files.required("run/run.json", "run"))
+    run = RUN.read(files.required("run/run.json", "solve"))
     index = files.required("figures/figures.json", "figures")
     scene = files.numbers
     figures = FIGURES.read(index)
@@ -111,7 +111,7 @@ def _costs(out: Path, solver_time: float) -> list[dict[str, Any]]:
     """
     costs = _records(out)
     for cost in costs:
-        if cost["stage"] == "run":
+        if cost["stage"] == "solve":
             cost["wall_time"] = max(cost["wall_time"], solver_time)
     return costs
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.records import FORCES
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.records import FORCES
 from pipeline.runs.run import open_run
+from piv.files.errors import StageError
 from postprocess.draw import series as draw_series
 from postprocess.draw.flow import EDGES
 from postprocess.draw.series import Curve, Panels, over_time
@@ -135,5 +135,5 @@ def _made(files: StageFiles, level: str) -> Path | None:
         run = open_run(files.scene_folder, level)
     except StageError:
         return None  # the scene has no such level
-    stale = any(run.why_stale(stage) for stage in ("run", "sheet", "vortices_cfd", "compare"))
+    stale = any(run.why_stale(stage) for stage in ("solve", "sheet", "vortices_cfd", "compare"))
     return None if stale else run.out

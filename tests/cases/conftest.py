@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from pipeline.run import guards
-from pipeline.run import stage as run_stage
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.solve import guards
+from pipeline.solve import stage as run_stage
+from piv.files.errors import StageError
 from tests.conftest import ROOT
 from tests.inner_make import inner_environment
 
@@ -22,7 +22,7 @@ def project(tmp_path_factory):
     folder = tmp_path_factory.mktemp("project")
     for name in ("Makefile", "requirements.lock", "pyproject.toml"):
         shutil.copy2(ROOT / name, folder / name)
-    for name in ("cases", "fileio", "pipeline", "piv", "postprocess"):  # with numba's cache
+    for name in ("cases", "pipeline", "piv", "postprocess", "softfinger"):  # with numba's cache
         ignored = shutil.ignore_patterns("out", ".snakemake")
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     (folder / ".venv").symlink_to(ROOT / ".venv")
@@ -39,7 +39,7 @@ def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
 
 def solving(scene: Scene) -> list[str]:
     """The command of a process that runs the solver of a prepared scene, and no other stage."""
-    code = "import sys; from pipeline.run.stage import run; from pipeline.scene.scene import *"
+    code = "import sys; from pipeline.solve.stage import run; from pipeline.scene.scene import *"
     code += "; run(load_scene(sys.argv[1], 'tiny'), quiet=True)"
     return [sys.executable, "-c", code, str(scene.folder)]
 

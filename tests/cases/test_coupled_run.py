@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.elastic_motion import FILE, read_elastic_motion
-from fileio.formats.finger_loads import read_loads
-from fileio.formats.kinematics import SCHEMA, read_kinematics
-from fileio.formats.mesh_intervals import read_intervals, read_planform
-from fileio.formats.records import MESH_QUALITY
-from fileio.record import of_run
+from pipeline.formats.elastic_motion import FILE, read_elastic_motion
+from pipeline.formats.finger_loads import read_loads
+from pipeline.formats.kinematics import SCHEMA, read_kinematics
+from pipeline.formats.mesh_intervals import read_intervals, read_planform
+from pipeline.formats.records import MESH_QUALITY
 from pipeline.mesh import stage as mesh_stage
 from pipeline.mesh.intervals import divide
-from pipeline.run import stage as run_stage
-from pipeline.runs.make import Machine, make_stage
 from pipeline.runs.run import open_run
 from pipeline.scene.scene import load_scene
+from pipeline.solve import stage as run_stage
+from piv.files.errors import StageError
+from piv.files.record import of_run
+from softfinger.make import Machine, make_stage
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
 
@@ -64,7 +64,7 @@ def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
     """In a process of its own: a stage that forks from one that has used threads is ended."""
     scene = write_scene(tmp_path / "scene", more=STROKE + PAGE)
     out = scene.out / "coupled"
-    words = [sys.executable, "-m", "pipeline", "run", str(scene.folder), "--level", "tiny"]
+    words = [sys.executable, "-m", "softfinger", "run", str(scene.folder), "--level", "tiny"]
     words += ["--coupled", "-n", "1"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.finger_loads import read_loads
-from fileio.formats.plane_series import read_plane
+from pipeline.formats.finger_loads import read_loads
 from pipeline.openfoam.function_objects import read_function_object
+from piv.formats.plane_series import read_plane
 from tests.cases.conftest import make
 from tests.conftest import ROOT
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
@@ -99,7 +99,7 @@ def test_a_second_make_does_nothing_and_a_number_redoes_what_follows(finger, pro
         return {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
 
     before = dates()
-    (own / "pipeline" / "run" / "solver.py").touch()  # editing Python does not solve again
+    (own / "pipeline" / "solve" / "solver.py").touch()  # editing Python does not solve again
     assert make(own, "single_finger").returncode == 0
     assert dates() == before
     scene = own / "cases" / "single_finger" / "scene.toml"

@@ -4,9 +4,9 @@ import os
 
 import pytest
 
-from fileio.record import record_path
-from pipeline.runs.make import Machine
-from pipeline.study.outcome import write_outcome
+from piv.files.record import record_path
+from softfinger.make import Machine
+from softfinger.study.outcome import write_outcome
 from tests.studies.faults.campaign import Campaign, disks, kills, twice
 from tests.studies.stability.solver import result
 
@@ -19,7 +19,7 @@ def solved(tmp_path_factory):
     return Campaign(tmp_path_factory.mktemp("faults"), "sheet")
 
 
-@pytest.mark.parametrize("stage", ["mesh", "run"])
+@pytest.mark.parametrize("stage", ["mesh", "solve"])
 def test_make_goes_on_after_kills_and_gives_the_same_result(solved, stage):
     row = kills(solved, stage, 2, 1)
     assert (row["wrong"], row["times"]) == (0, 2), row
@@ -77,7 +77,8 @@ def test_a_run_ends_in_one_of_three_ways(solved, tmp_path, changes, ended, words
     scene = str(solved.run.scene.folder)
     planned = {"run": "axis_", "axis": "axis", "value": "", "level": "tiny", "ranks": 1,
                "compared_ranks": None}  # fmt: skip
-    planned |= {"overrides": TINY | changes, "folder": scene, "out": str(tmp_path), "until": "run"}
+    planned |= {"overrides": TINY | changes, "folder": scene}
+    planned |= {"out": str(tmp_path), "until": "solve"}
     write_outcome(planned, Machine())
     judged = result(planned)
     assert judged["ended"] == ended, judged

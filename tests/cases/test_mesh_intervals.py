@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_intervals
-from fileio.formats.plane_series import read_plane
-from fileio.lock import exclusive
 from pipeline import case as case_stage
 from pipeline import sheet as sheets
-from pipeline.run import prepare as preparing
-from pipeline.run import stage as run_stage
-from pipeline.run.power import power_rows
+from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.scene.scene import Scene
+from pipeline.solve import prepare as preparing
+from pipeline.solve import stage as run_stage
+from pipeline.solve.power import power_rows
+from piv.files.lock import exclusive
+from piv.formats.plane_series import read_plane
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.run.stage import run
 from pipeline.scene.scene import load_scene
+from pipeline.solve.stage import run
 from tests.cases.conftest import table
 from tests.conftest import prepare, write_scene
 

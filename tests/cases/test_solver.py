@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from tqdm import tqdm
 
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_planform
+from pipeline.formats.mesh_intervals import read_planform
 from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.foamfile import is_complete, set_number
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run import stage as run_stage
-from pipeline.run.guards import Guard
-from pipeline.run.prepare import prepare as lay_frames
-from pipeline.run.solver import read_progress, solve
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.solve import stage as run_stage
+from pipeline.solve.guards import Guard
+from pipeline.solve.prepare import prepare as lay_frames
+from pipeline.solve.solver import read_progress, solve
+from piv.files.errors import StageError
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, meshes_of, prepare, write_scene
 

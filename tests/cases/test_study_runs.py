@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from fileio.record import read_record
+from piv.files.record import read_record
 from tests.conftest import ROOT, TINY
 
 SNAKEMAKE = ROOT / ".venv-study" / "bin" / "snakemake"
@@ -26,15 +26,15 @@ end_time = 0.02
 COSTS = "cpu|wall|time_s|memory|made|date|_mb|seconds"  # columns that a kill changes
 TABLE = """\
 run, scene, level, until, ranks, may_fail, numerics.max_courant, fluid.kinematic_viscosity
-itself, ., tiny, run, , , ,
-thick, , tiny, run, , , , 1e-5
-edge, , tiny, run, , yes, 0.01,
+itself, ., tiny, solve, , , ,
+thick, , tiny, solve, , , , 1e-5
+edge, , tiny, solve, , yes, 0.01,
 """
 
 
 def copy_of_project(folder: Path) -> Path:
     """With one small scene and a study of it; returns the folder of the study's runs."""
-    for part in ("fileio", "pipeline", "piv", "postprocess"):
+    for part in ("pipeline", "piv", "postprocess", "softfinger"):
         (folder / part).symlink_to(ROOT / part)
     for part in ("_base", "single_finger"):
         (folder / "cases").mkdir(exist_ok=True)
@@ -49,7 +49,7 @@ def copy_of_project(folder: Path) -> Path:
 
 
 def start(runs: Path) -> subprocess.Popen[str]:
-    words = [sys.executable, "-m", "pipeline", "study", "cases/small/studies/trial.csv"]
+    words = [sys.executable, "-m", "softfinger", "study", "cases/small/studies/trial.csv"]
     return subprocess.Popen(
         words, cwd=runs.parents[4], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         start_new_session=True, env=os.environ | {"NP": "2"},
@@ -87,9 +87,9 @@ def studied(tmp_path_factory):
 
 
 def test_equal_stages_are_one_file_and_a_refusal_is_a_result(studied):
-    thick, edge = read_record(studied / "thick", "run"), read_record(studied / "edge", "outcome")
+    thick, edge = read_record(studied / "thick", "solve"), read_record(studied / "edge", "outcome")
     assert (studied / "thick" / "planform.h5").samefile(studied / "itself" / "planform.h5")
-    assert thick["digest"] != read_record(studied / "itself", "run")["digest"]
+    assert thick["digest"] != read_record(studied / "itself", "solve")["digest"]
     assert edge["ended"] == "refused"
     assert "time_step of at most" in edge["reason"]
 
@@ -97,9 +97,9 @@ def test_equal_stages_are_one_file_and_a_refusal_is_a_result(studied):
 def test_a_second_start_computes_nothing_and_a_lost_file_is_made_again(studied):
     assert "localrule" not in study(studied)
     (studied / "thick" / "run" / "forces.csv").unlink()
-    kept = read_record(studied / "itself", "run")
-    assert re.findall(r"(?m)^localrule (\w+):", study(studied)) == ["run", "all"]
-    assert read_record(studied / "itself", "run") == kept
+    kept = read_record(studied / "itself", "solve")
+    assert re.findall(r"(?m)^localrule (\w+):", study(studied)) == ["solve", "all"]
+    assert read_record(studied / "itself", "solve") == kept
 
 
 def test_a_study_killed_three_times_ends_with_the_table_of_an_undisturbed_one(studied, tmp_path):

@@ -110,7 +110,7 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
         (clone / "piv" / "__init__.py").write_text(f"name = {clone.name!r}")
         (clone / "piv" / "__main__.py").write_text("import piv; print(piv.name)")
     venv.create(one / ".venv", symlinks=True)
-    subprocess.run(["sh", ROOT / "pipeline" / "command.sh", one / ".venv"], check=True)
+    subprocess.run(["sh", ROOT / "softfinger" / "command.sh", one / ".venv"], check=True)
     (two / ".venv").symlink_to(one / ".venv")
     (tmp_path / "linked").symlink_to(one / ".venv" / "bin" / "piv")
 

@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_intervals
 from pipeline import sheet as sheets
-from pipeline.run import stage as run
+from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.scene.scene import load_scene
+from pipeline.solve import stage as run
 from tests.conftest import prepare
 from tests.studies.validation import cantilever, cylinders, deforming, sprung
 from tests.studies.validation.solve import CASES

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from foamlib import FoamFile
 
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import Interval
 from pipeline.case import numbers, numbers_text, regions_text
+from pipeline.formats.mesh_intervals import Interval
 from pipeline.openfoam.foamfile import set_number
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
 from tests.conftest import ROOT, write_scene
 
 HERE = Path(__file__).parent

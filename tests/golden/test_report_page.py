@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.record import write_record
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
 from pipeline.scene.scene import load_scene
+from piv.files.record import write_record
 from postprocess.compare import stage as compare
 from postprocess.draw.style import save
 from postprocess.evidence.stage_files import StageFiles

@@ -16,10 +16,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from fileio.record import read_record
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.checkpoint import last_checkpoint
 from pipeline.scene.scene import load_scene
+from pipeline.solve.checkpoint import last_checkpoint
+from piv.files.record import read_record
 from tests.conftest import ROOT, TINY
 from tests.inner_make import inner_environment
 
@@ -38,10 +38,10 @@ COLUMNS = (
 )
 STUDY = f"""{COLUMNS}
 base, tiny, vortices_cfd, 1, , 0.5e-3, , 0.1,
-les, tiny, run, 1, , 1e-3, WALE, 0.1,
+les, tiny, solve, 1, , 1e-3, WALE, 0.1,
 one_rank, draft, run, 1, , , , 0.02,
 two_ranks, draft, run, 2, , , , 0.02,
-edge, tiny, run, 1, yes, 1e-3, , 0.1, 0.01
+edge, tiny, solve, 1, yes, 1e-3, , 0.1, 0.01
 """
 # this Slurm keeps no accounts with the states of jobs
 FLAGS = "--latency-wait 30 --slurm-status-command squeue"
@@ -152,11 +152,11 @@ def test_a_scene_that_meets_its_time_limit_is_submitted_again_and_ends(slurm, sc
     wait_until(
         lambda: last_checkpoint(case, Ranks(2)) is not None or process.poll() is not None, 3000
     )
-    solver = job_of("run")
+    solver = job_of("solve")
     assert solver is not None, log.read_text()[-3000:]
     near = minutes_run(solver) + 1
     subprocess.run(["scontrol", "update", f"JobId={solver}", f"TimeLimit={near}"], check=True)
-    wait_until(lambda: job_of("run") != solver, 240)
+    wait_until(lambda: job_of("solve") != solver, 240)
     ended = f"{datetime.now(UTC):%H:%M:%S} job {solver}: ended at its limit of {near} min"
     code = process.wait(5400)
     note("make slurm_test LEVEL=draft NP=2 SLURM=1", "\n".join([ended, *job_lines(log)]))

@@ -18,19 +18,19 @@ import pandas as pd
 import shapely
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.plane_series import read_plane
-from fileio.formats.recording import RecordingWriter
-from fileio.formats.records import LAB_COMPARISON
-from pipeline.runs.make import Machine, make, make_sheet
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.records import LAB_COMPARISON
 from pipeline.runs.run import Run, coupled_out, open_run
+from piv.files.errors import StageError
+from piv.formats.plane_series import read_plane
+from piv.formats.recording import RecordingWriter
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence.tip_vortex import dominant_track
-from postprocess.lab.command import compare_with
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.virtual_experiment import WIDE
+from softfinger.laboratory import compare_with
+from softfinger.make import Machine, make, make_sheet
 from tests.lab_renderer import Faults, Filmed
 
 TABLES = {False: Path("docs/record/laboratory_blind.csv")}

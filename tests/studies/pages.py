@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from fileio.atomic import write_text
+from piv.files.atomic import write_text
 from postprocess.tables import write_table
 
 PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks"

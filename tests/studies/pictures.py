@@ -20,12 +20,12 @@ import pytest
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
-from fileio.atomic import write_bytes
-from fileio.command import guarded
-from fileio.errors import StageError
-from fileio.formats.plane_series import make_plane
-from fileio.formats.records import RUN
+from pipeline.formats.records import RUN
 from pipeline.scene.scene import load_scene
+from piv.files.atomic import write_bytes
+from piv.files.command import guarded
+from piv.files.errors import StageError
+from piv.formats.plane_series import make_plane
 from piv.plots.vectors import COLOUR_MAP
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder

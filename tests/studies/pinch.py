@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fileio.formats.records import RUN
+from pipeline.formats.records import RUN
 from pipeline.runs.run import Run, run_of
-from pipeline.study.plan import describe
-from pipeline.study.rows import read_study
 from postprocess.compare.findings import read_findings
 from postprocess.compare.pinch_summary import APPROACH, pinch_summary
 from postprocess.compare.quantities import QUANTITIES
@@ -27,6 +25,8 @@ from postprocess.evidence.pair_integrals import LATE
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.time_windows import gap_reached
 from postprocess.tables import write_table
+from softfinger.study.plan import describe
+from softfinger.study.rows import read_study
 
 HOME = Path(__file__).resolve().parents[2] / "cases" / "pinch"
 RECORD = HOME.parents[1] / "docs" / "record"
@@ -113,7 +113,7 @@ def head_of(name: str, run: Run) -> dict[str, Any]:
         "run": name,
         "change": "; ".join(f"{k} = {v}" for k, v in run.overrides.items()) or "as it is",
         **{key: record[key] for key in ("model", "cells", "steps")},
-        "made_with": run.digest("run")[:16],
+        "made_with": run.digest("solve")[:16],
         "measured_on": datetime.now(UTC).date().isoformat(),
         "openfoam": record["versions"]["OpenFOAM"],
     }

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv.foreign.read import in_px
+from piv.formats.plane_series import make_plane, provenance, write_plane
 from tests.shared_data import shared_data
 from tests.studies.piv.turbulence_field import TurbulentPlane
 

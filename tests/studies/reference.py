@@ -8,24 +8,22 @@ import io
 from collections.abc import Iterable
 from pathlib import Path
 
-from fileio.atomic import write_text
-from fileio.formats import (
+from pipeline.formats import (
     bending_states,
     elastic_motion,
     finger_loads,
     kinematics,
     mesh_intervals,
-    plane_series,
     recorded_motion,
-    recording,
     records,
-    vortex_table,
 )
-from fileio.json_text import flat
-from fileio.key_reference import Key
+from pipeline.scene.key_reference import Key
 from pipeline.scene.read_toml import read_layers
-from pipeline.scene_reference import keys
+from piv.files.atomic import write_text
+from piv.files.json_text import flat
+from piv.formats import plane_series, recording, vortex_table
 from postprocess.lab.dpiv_toml import KEYS
+from softfinger.scene_reference import keys
 from tests.conftest import ROOT
 
 FOLDER = ROOT / "docs" / "reference"

@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from fileio.formats.plane_series import make_plane
 from piv.commands.correlate import make as correlate
+from piv.formats.plane_series import make_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder
 from piv.vortices.lamb_oseen_fit import lamb_oseen

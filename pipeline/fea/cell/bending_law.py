@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from fileio.formats.bending_states import BendingLaw, FloatArray
 from pipeline.fea.cell.unit_cell import NotConverged, State, UnitCell
 from pipeline.fea.settings import Actuator
+from pipeline.formats.bending_states import BendingLaw, FloatArray
 
 # Moments of the table, as turns (rad) of the whole finger at the stiffness at rest
 TURNS = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)

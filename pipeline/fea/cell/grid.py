@@ -11,8 +11,8 @@ import felupe
 import numpy as np
 from numpy.typing import NDArray
 
-from fileio.formats.bending_states import FloatArray
 from pipeline.fea.settings import Actuator, UnitCellMesh
+from pipeline.formats.bending_states import FloatArray
 
 # m; the wedge is cut where its half length would fall below this, for the sake of the elements
 _APEX = 0.15e-3

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from fileio.formats.bending_states import FloatArray
+from pipeline.formats.bending_states import FloatArray
 
 
 def joined_tangent(

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fileio.formats.bending_states import FloatArray
 from pipeline.fea.cell import plane
 from pipeline.fea.cell.elements import follower_pressure, solid_body, surface
 from pipeline.fea.cell.grid import Grid, build
 from pipeline.fea.settings import Actuator, UnitCellMesh
+from pipeline.formats.bending_states import FloatArray
 
 _CONTACT_STIFFNESS = 2e10  # Pa/m of penetration: 40 kPa of contact pressure sink in by 0.002 mm
 _ITERATIONS = 25

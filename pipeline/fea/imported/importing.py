@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fileio.formats.bending_states import BendingStates, FloatArray, profile_rows
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.finger import arc_length, fit_circle, smoothed
 from pipeline.fea.settings import Import
+from pipeline.formats.bending_states import BendingStates, FloatArray, profile_rows
 
 LENGTHS = (0.005, 1.0)  # m; a finger outside of these is in another unit
 POINTS = 101

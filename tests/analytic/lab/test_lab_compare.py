@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from piv.vortices.find import VortexSettings
-from postprocess.lab.command import compare
 from postprocess.lab.dpiv_toml import Evaluation
 from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
 from postprocess.lab.motion import Case, Effect
@@ -22,6 +21,7 @@ from postprocess.lab.virtual_experiment import (
     outlines_px,
     with_finger,
 )
+from softfinger.laboratory import compare
 from tests.lab_renderer import Filmed
 from tests.lab_scene import finger_kinematics, vortex_series
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fileio.formats.kinematics import counter_clockwise
+from pipeline.formats.kinematics import counter_clockwise
 from postprocess.lab.check_fit import check_fit
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Known, register

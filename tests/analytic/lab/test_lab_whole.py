@@ -7,16 +7,16 @@ import h5py
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.plane_series import write_plane
-from fileio.formats.recording import RecordingWriter
-from fileio.formats.records import LAB_COMPARISON, RUN
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.records import LAB_COMPARISON, RUN
 from pipeline.kinematics import stage as kinematics_stage
-from pipeline.runs.make import Machine
 from pipeline.runs.run import open_run
-from postprocess.lab import command
+from piv.files.errors import StageError
+from piv.formats.plane_series import write_plane
+from piv.formats.recording import RecordingWriter
 from postprocess.lab.pose import Pose, camera_series
+from softfinger import laboratory as command
+from softfinger.make import Machine
 from tests.lab_renderer import Filmed
 from tests.lab_scene import CASE, state_vectors, vortex_series
 
@@ -82,7 +82,7 @@ def measured_by(run, gain: float = 1.0):
 
     In axes that begin somewhere in the picture.
     """
-    kinematics_alone(run, "run", None, True)
+    kinematics_alone(run, "solve", None, True)
     kinematics = read_kinematics(run.path("kinematics"))
     pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import shapely
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import read_planform
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import read_planform
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.shapes import Strip, rounded_strip, with_chambers
 from pipeline.mesh import stage as mesh
 from pipeline.scene.sections import Chambers
+from piv.files.errors import StageError
 from tests.conftest import write_scene
 
 LENGTH, HEIGHT = 0.07, 0.0167

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from fileio.errors import StageError
 from pipeline.kinematics.contact import (
     ClosingLaw,
     closing_law,
@@ -18,6 +17,7 @@ from pipeline.kinematics.contact import (
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.pinch import Pinch
+from piv.files.errors import StageError
 from tests.conftest import motion_of, write_scene
 
 PINCH = Pinch(half_distance=0.045)

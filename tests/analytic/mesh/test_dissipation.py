@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fileio.formats.records import POWER_TERMS
+from pipeline.formats.records import POWER_TERMS
 from pipeline.openfoam.polymesh_files import read_faces
-from pipeline.run.power import face_terms, geometry_at, integrals
+from pipeline.solve.power import face_terms, geometry_at, integrals
 from tests.conftest import meshes_of, prepare, write_scene
 
 

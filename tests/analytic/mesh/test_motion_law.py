@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
 from pipeline.kinematics.pressure_law import (
     SETTLING_2_PERCENT,
     measured_law,
@@ -11,6 +10,7 @@ from pipeline.kinematics.pressure_law import (
     three_pole,
 )
 from pipeline.kinematics.shapes import FingerShapes, add_tip, circular_states, rounded_strip
+from piv.files.errors import StageError
 
 LENGTH, THICKNESS = 0.07, 0.0145
 

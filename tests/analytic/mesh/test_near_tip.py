@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.mesh_intervals import read_planform
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import read_planform
 from pipeline.geometry.quality import cell_areas, cell_centres
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import shapely
 
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.case import build_mesh
+from pipeline.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
+from piv.files.errors import StageError
 from tests.conftest import write_scene
 
 # cells of 4 mm: fewer shapes fit

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fileio.formats.mesh_intervals import read_planform
 from pipeline.case import build_mesh
+from pipeline.formats.mesh_intervals import read_planform
 from tests.conftest import prepare, write_scene
 
 

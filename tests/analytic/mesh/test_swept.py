@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.mesh_intervals import Interval, IntervalMesh
-from pipeline.run.map_fields import (
+from pipeline.formats.mesh_intervals import Interval, IntervalMesh
+from pipeline.solve.map_fields import (
     SweptCells,
     carry,
     energy_share,

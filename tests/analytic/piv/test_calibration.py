@@ -10,7 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fileio.formats.plane_series import UNCERTAIN, VALID, usable
+from piv.formats.plane_series import UNCERTAIN, VALID, usable
 from piv.images.calibration import (
     Calibration,
     calibrate_plane,

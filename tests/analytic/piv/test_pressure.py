@@ -9,8 +9,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import exp1
 
 import piv
-from fileio.formats.plane_series import make_plane, read_plane, write_plane
 from piv.__main__ import main
+from piv.formats.plane_series import make_plane, read_plane, write_plane
 from piv.momentum.pressure import Balance
 
 RHO = 998.2  # kg/m³

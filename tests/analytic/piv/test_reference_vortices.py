@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from tests.shared_data import shared_data
 

@@ -4,8 +4,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane, read_plane
 from piv.correlation.pair import correlate_pair
+from piv.formats.plane_series import make_plane, read_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
 from piv.vortices.find import find_vortices

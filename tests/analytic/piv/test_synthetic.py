@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from scipy import integrate
 
-from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from piv.formats.plane_series import make_plane, read_plane, write_plane
 from piv.images.masks import inside_polygon
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.particle_images import Body, add_particles, expose

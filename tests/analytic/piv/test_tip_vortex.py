@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene, young_scene

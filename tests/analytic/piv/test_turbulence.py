@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import usable
 from piv.correlation.pair import correlate_pair
 from piv.fields.derived import derived
+from piv.formats.plane_series import usable
 from tests.studies.piv.particles import render
 from tests.studies.piv.turbulence import derivatives
 from tests.studies.piv.turbulence_field import TurbulentPlane

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 
 HALF_WIDTH = 6e-3

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from postprocess.evidence import fields
-from postprocess.studies.errors import near_tip_error
+from softfinger.study.errors import near_tip_error
 
 X, Y = np.linspace(-0.05, 0.05, 41), np.linspace(0.1, 0.2, 31)
 TIME = np.array([0.0, 0.01, 0.02, 0.03])

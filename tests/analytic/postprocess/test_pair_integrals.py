@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import pair_integrals as integrals
 

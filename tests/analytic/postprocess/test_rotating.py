@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.plane_series import make_plane, write_plane
 from pipeline.kinematics.rigid_body import travelled
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
+from piv.formats.plane_series import make_plane, write_plane
 from tests.studies.validation import rotating
 from tests.studies.validation.solve import CASES
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from postprocess.evidence import centreline
 from postprocess.evidence import vortex_pairs as pairs
 from postprocess.evidence.time_windows import Clock, Window, interval, read_window

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fileio.formats.bending_states import States
+from pipeline.formats.bending_states import States
 from pipeline.structure.chain import Chain
 from pipeline.structure.elastic_law import constant_law
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from fileio.formats.bending_states import read
+from pipeline.formats.bending_states import read
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import RUBBER, Chain, placed
 from pipeline.structure.energy import energies, open_share

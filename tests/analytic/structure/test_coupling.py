@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.formats.bending_states import read
-from fileio.formats.finger_loads import motion_sentence
+from pipeline.formats.bending_states import read
+from pipeline.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import MIDDLE, Chain, placed
 from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling

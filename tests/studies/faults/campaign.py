@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from fileio.errors import sentence
-from fileio.record import read_record, record_path
-from pipeline.runs.make import Machine, make, make_stage
 from pipeline.runs.run import Run, targets
 from pipeline.runs.stages import BY_NAME, STAGES
+from piv.files.errors import sentence
+from piv.files.record import read_record, record_path
+from softfinger.make import Machine, make, make_stage
 from tests.studies.faults.project import difference, small_run
 
 TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # in order
@@ -34,7 +34,7 @@ LONGEST = 1800.0  # s of a stage, on a busy machine
 Row = dict[str, Any]
 Answer = tuple[int, str]  # 0: completed, 2: refused in one sentence, 1: in another way; the text
 READ = {  # files of earlier stages than those that a stage names as its inputs
-    "case": ("kinematics.h5",), "run": ("kinematics.h5", "planform.h5", "mesh_quality.csv"),
+    "case": ("kinematics.h5",), "solve": ("kinematics.h5", "planform.h5", "mesh_quality.csv"),
     "sheet": ("kinematics.h5", "planform.h5"), "loads": ("kinematics.h5", "planform.h5"),
 }  # fmt: skip
 
@@ -302,12 +302,12 @@ def _damaged(run: Run, stage: str, path: Path, way: str) -> str:
 def _inputs(run: Run, stage: str) -> list[Path]:
     """The files that a stage reads of the stages before it."""
     step = BY_NAME[stage]
-    if step.inputs == ("run",):  # they read the samples alone
+    if step.inputs == ("solve",):  # they read the samples alone
         name = {"sheet": "sheetSurface", "loads": "fingerSurface"}[stage]
         surface = max(run.out.glob(f"case/interval_0/postProcessing/{name}/*/*.vtk"))
         return [surface, *(run.out / n for n in READ[stage])]
     files = [run.path(name) for name in step.inputs] + [run.out / n for n in READ.get(stage, ())]
-    if stage == "run":
+    if stage == "solve":
         record = read_record(run.out, "case")
         assert record is not None
         files += [run.out / name for name in record["outputs"] if name.startswith("case/")]
@@ -361,9 +361,9 @@ def of_processes(at: Campaign, chosen: list[str], count: int, seed: int) -> Iter
     for target in chosen:
         yield kills(at, target, count, seed)
         yield twice(at, target)
-    if "run" in chosen:
-        coupled = Campaign(at.folder / "coupled", "run", coupled=True)
-        yield kills(coupled, "run", 2 * count, seed) | {"stage": "run, coupled"}
+    if "solve" in chosen:
+        coupled = Campaign(at.folder / "coupled", "solve", coupled=True)
+        yield kills(coupled, "solve", 2 * count, seed) | {"stage": "solve, coupled"}
     yield from odd_paths(at)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from fileio.record import read_record
 from pipeline.runs.run import Run, open_run, targets
+from piv.files.record import read_record
 from tests.conftest import write_scene
 
 SMALL = """

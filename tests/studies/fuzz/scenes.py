@@ -25,23 +25,23 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from fileio.atomic import write_text
-from fileio.errors import StageError
 from pipeline import case
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.run import stage as solver
 from pipeline.scene.limits import MAX_CELLS, MAX_CPU, MAX_DISK
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.solve import stage as solver
+from piv.files.atomic import write_text
+from piv.files.errors import StageError
 
 CASES = Path(__file__).resolve().parents[3] / "cases"
 PARENTS = ("single_finger", "pinch")
 NOT_DRAWN = {"name", "level", "folder", "actuator", "fea", "body"}
 # to each other, to the states, or to another source of the motion
 BOUND = {"time_step", "rate_hz", "end_time", "length", "recording_factor"}
-STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "run": solver.run}
+STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run, "solve": solver.run}
 STAGES = list(STAGE_OF)
 LONGEST = 10.0  # s of CPU time until a refusal
 LONGEST_STAGE = 300  # s of a stage before the solver
@@ -158,7 +158,7 @@ def _scene_text(parent: str, table: Table, until: str) -> str:
     """The scene.toml of a drawn scene, whose values hold at every level."""
     lines = [f"extends = {json.dumps(str(CASES / parent))}"]
     motion: dict[str, Any] = {"max_bend_step_deg": 15.0}  # few meshes
-    motion |= {"end_time": SHORT_STROKE} if until == "run" else {}
+    motion |= {"end_time": SHORT_STROKE} if until == "solve" else {}
     table = table | {"motion": motion | table.get("motion", {})}
     for section, values in table.items():
         lines += [f"[{section}]", *(f"{key} = {_toml(value)}" for key, value in values.items())]
@@ -194,12 +194,12 @@ def _outcome(text: str, folder: Path, until: str) -> tuple[str, str]:
             assert size.disk <= MAX_DISK, size
             assert size.cpu <= MAX_CPU, size.cpu
             for stage in STAGES[: STAGES.index(until) + 1]:
-                signal.alarm(LONGEST_RUN if stage == "run" else LONGEST_STAGE)
-                with contextlib.suppress(*[_Late] if stage == "run" else []):
+                signal.alarm(LONGEST_RUN if stage == "solve" else LONGEST_STAGE)
+                with contextlib.suppress(*[_Late] if stage == "solve" else []):
                     STAGE_OF[stage](scene, quiet=True)
         result = "warned" if sentences else "accepted"
     except (StageError, OSError) as error:
-        sentences, result = [str(error)], "stopped" if stage == "run" else "refused"
+        sentences, result = [str(error)], "stopped" if stage == "solve" else "refused"
     except AssertionError:
         raise
     except BaseException as error:
@@ -261,7 +261,7 @@ def main() -> None:
     for name, begin, end, part, until in (  # part: scenes between two writes, 10 to 20 s
         ("drawn", args.solved, args.examples, 50, "case"),
         ("ordinary", 0, args.ordinary, 5, "case"),
-        ("solved", 0, args.solved, 50, "run"),
+        ("solved", 0, args.solved, 50, "solve"),
     ):
         for first in range(begin, end, part):
             if (name, first) in done:

@@ -14,15 +14,15 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import BendingStates, read_states, write
-from fileio.formats.kinematics import read_kinematics, write_kinematics
-from fileio.formats.plane_series import make_plane, read_checked_plane
-from fileio.formats.recording import RecordingWriter
+from pipeline.formats.bending_states import BendingStates, read_states, write
+from pipeline.formats.kinematics import read_kinematics, write_kinematics
 from pipeline.kinematics.pressure_law import measured_law
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
 from piv.foreign.read import read_vectors
 from piv.foreign.write import write_vectors
+from piv.formats.plane_series import make_plane, read_checked_plane
+from piv.formats.recording import RecordingWriter
 from piv.images.calibration import load_calibration
 from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording

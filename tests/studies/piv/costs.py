@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
 from piv.correlation.pair import correlate_pair
+from piv.formats.plane_series import make_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
 from piv.vortices.find import find_vortices

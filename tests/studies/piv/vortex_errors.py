@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
-from fileio.formats.recording import window_of
 from piv.correlation.pair import correlate_pair
+from piv.formats.plane_series import make_plane
+from piv.formats.recording import window_of
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
 from piv.vortices.regions import DISC

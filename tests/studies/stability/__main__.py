@@ -13,9 +13,9 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from fileio.command import guarded
-from fileio.provenance import versions
 from pipeline.openfoam.environment import foam_version
+from piv.files.command import guarded
+from piv.files.provenance import versions
 from postprocess.tables import write_table
 from tests.studies.stability import images, page
 from tests.studies.stability.solver import read_plans, result

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.patches import Patch
 
-from fileio.atomic import whole
+from piv.files.atomic import whole
 from postprocess.tables import write_table
 
 matplotlib.rcParams["svg.hashsalt"] = "softfinger"  # equal pictures give equal files

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.formats.records import STUDY_PLAN
-from fileio.record import read_record
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.records import STUDY_PLAN
 from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene
-from pipeline.study.outcome import OUTCOME, outcome_is_there
+from piv.files.errors import StageError
+from piv.files.record import read_record
+from softfinger.study.outcome import OUTCOME, outcome_is_there
 
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
 # Possible peak forces, over added mass and drag of a plate as long as the finger.

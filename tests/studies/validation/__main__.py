@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from fileio.command import guarded
+from piv.files.command import guarded
 from tests.studies.validation import (
     cantilever,
     cylinders,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import curve_fit
 
-from fileio.formats.elastic_motion import FILE, read_elastic_motion
+from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Finger
 from pipeline.structure.finger import ElasticFinger

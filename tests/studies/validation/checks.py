@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from fileio.atomic import write_text
-from fileio.provenance import versions
+from piv.files.atomic import write_text
+from piv.files.provenance import versions
 
 FORMAT, FORMAT_VERSION = "checks", 1
 NUMBERS = r"\[[-+\d.eE,\s]+\]"  # lists of numbers are written in one line

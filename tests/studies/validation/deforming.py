@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from fileio.atomic import write_text
 from pipeline.openfoam.environment import foam_version
 from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import Scene, load_scene
+from piv.files.atomic import write_text
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.solve import CASES, cpu_seconds
 from tests.studies.validation.transparent import Cells, Field, at_end, solve_transparent

@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 from scipy.special import j1
 
-from fileio.formats.plane_series import make_plane
 from piv.correlation.pair import correlate_pair
+from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_SWIRL, lamb_oseen
 from piv.vortices.vortex import Vortex

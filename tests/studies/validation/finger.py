@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fileio.formats.plane_series import read_plane
 from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene, load_scene
+from piv.formats.plane_series import read_plane
 from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.tip_vortex import COMPARED, dominant_track, read_vortices
-from postprocess.studies.table import files_of, middle_of_stroke, missing_runs, read_plan
-from postprocess.studies.tradeoff import PART_OF_STROKE
+from softfinger.study.table import files_of, middle_of_stroke, missing_runs, read_plan
+from softfinger.study.tradeoff import PART_OF_STROKE
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.convergence import Estimate, estimate
 from tests.studies.validation.solve import CASES, record_of, solved

@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from fileio.errors import StageError
-from fileio.json_text import parse_json
+from piv.files.errors import StageError
+from piv.files.json_text import parse_json
 from postprocess.tables import write_table
 from tests.studies.validation.figures import FIGURES
 

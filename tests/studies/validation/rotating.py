@@ -6,15 +6,15 @@ import numpy as np
 import shapely
 import xarray as xr
 
-from fileio.formats.plane_series import read_plane
 from pipeline.kinematics.rigid_body import travelled
 from pipeline.scene.scene import Scene
-from pipeline.study.rows import read_study
+from piv.formats.plane_series import read_plane
 from piv.vortices.find import plane_of
 from piv.vortices.regions import Measures, find_regions
 from piv.vortices.settings import VortexSettings
 from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex
+from softfinger.study.rows import read_study
 from tests.studies.validation.checks import Check, Result
 from tests.studies.validation.figures import ROTATED, rotating_flow
 from tests.studies.validation.ledger import FOLDER

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from fileio.errors import StageError
-from fileio.record import read_record
 from pipeline.runs.run import run_of
 from pipeline.runs.stages import until
 from pipeline.scene.scene import Scene
-from pipeline.study.plan import describe
-from pipeline.study.rows import read_study
+from piv.files.errors import StageError
+from piv.files.record import read_record
+from softfinger.study.plan import describe
+from softfinger.study.rows import read_study
 
 CASES = Path(__file__).resolve().parents[3] / "cases" / "validation"
 RECORDED = ("cells", "time_step", "steps", "end_time", "courant_max", "continuity_max")

@@ -9,20 +9,20 @@ import h5py
 import numpy as np
 from tqdm import tqdm
 
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals
 from pipeline import case
+from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
 from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.foamfile import END, binary_list, header, read_field, write_bytes
 from pipeline.openfoam.ranks import Ranks
-from pipeline.run.guards import Guard
-from pipeline.run.map_fields import swept_cells
-from pipeline.run.prepare import prepare
-from pipeline.run.solver import solve
 from pipeline.scene.scene import Scene
+from pipeline.solve.guards import Guard
+from pipeline.solve.map_fields import swept_cells
+from pipeline.solve.prepare import prepare
+from pipeline.solve.solver import solve
+from piv.files.errors import StageError
 from tests.conftest import meshes_of
 
 # positions (n, 2) m, time s -> velocities (n, 2) m/s

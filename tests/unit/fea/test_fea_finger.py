@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fileio.formats.bending_states import BendingLaw, BendingStates, read, write
 from pipeline.fea.envelope import crosses_itself, outline
 from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
+from pipeline.formats.bending_states import BendingLaw, BendingStates, read, write
 
 
 def arc(radius, length=0.07, points=80, turn=0.3):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import pyvista
 
-from fileio.errors import StageError
 from pipeline.fea.engines import imported
 from pipeline.fea.settings import Import
+from piv.files.errors import StageError
 from tests.conftest import ROOT
 
 PRESSURES_KPA = [-20.0, -10.0, 10.0, 20.0, 30.0]

@@ -4,10 +4,10 @@ import shutil
 
 import pytest
 
-from fileio.errors import StageError
 from pipeline.fea.up_to_date import check_states
 from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
 from tests.conftest import ROOT, write_scene
 
 WIDER = "[actuator]\nwidth = 0.03"

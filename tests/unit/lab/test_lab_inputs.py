@@ -2,10 +2,10 @@
 
 import pytest
 
-from pipeline.__main__ import main
 from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.inputs_toml import NUMERICS, ORDER, SAFETY, Finer, Input, read_inputs
+from softfinger.__main__ import main
 from tests.lab_scene import CASE
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import AXES
+from piv.formats.plane_series import AXES
 from piv.vortices.find import VortexSettings
 from postprocess.lab.flow import QUANTITIES, flow_quantities, tables
 from postprocess.lab.load import with_load

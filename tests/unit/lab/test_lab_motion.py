@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from fileio.formats.kinematics import SHAPE
-from fileio.formats.plane_series import make_plane
+from pipeline.formats.kinematics import SHAPE
+from piv.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.flow import explained_by_motion, run_sources

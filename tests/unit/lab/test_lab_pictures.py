@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fileio.formats.recording import RecordingWriter
+from piv.formats.recording import RecordingWriter
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import LabRecording
 

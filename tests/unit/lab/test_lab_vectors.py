@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import lab_vectors
 from postprocess.lab.register import stated_registration

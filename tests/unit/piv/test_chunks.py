@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fileio.formats.recording import RecordingWriter
 from piv.correlation.options import Options
+from piv.formats.recording import RecordingWriter
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording

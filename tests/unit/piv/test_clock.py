@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv import open_recording, open_vectors
 from piv.foreign.read import in_px
+from piv.formats.plane_series import make_plane, provenance, write_plane
 from piv.images.clock import frame_times, set_clock
 from piv.images.open_recording import PAIRINGS
 from piv.sequence.sequence import alternating

@@ -7,15 +7,15 @@ import pytest
 import xarray as xr
 from scipy.io import savemat
 
-from fileio.child_process import read_in_child
-from fileio.formats.plane_series import make_plane, provenance, write_plane
-from fileio.formats.recording import window_of
 from piv.fields.derived import derived
 from piv.fields.statistics import statistics
+from piv.files.child_process import read_in_child
 from piv.foreign import pivlab
 from piv.foreign.read import open_vectors, read_vectors, to_plane
 from piv.foreign.vector_files import read_pivlab
 from piv.foreign.write import write_vectors
+from piv.formats.plane_series import make_plane, provenance, write_plane
+from piv.formats.recording import window_of
 from tests import pivlab_session
 from tests.piv_command import made, piv
 
@@ -272,13 +272,13 @@ def test_irregular_and_doubled_positions(tmp_path):
 @pytest.mark.parametrize("suffix", ["h5", "nc", "csv"])
 def test_a_valid_vector_that_is_no_number_is_refused(tmp_path, suffix, capsys, monkeypatch):
     """Also deep in a series, which is looked at block by block."""
-    from fileio.formats import plane_series as module
+    from piv.formats import plane_series as module
 
     monkeypatch.setattr(module, "BLOCK", 70)  # two instants
     series, path = make(np.arange(5) / 500), tmp_path / f"a.{suffix}"
     series["u"][3, 2, 1], series["valid"][3, 2, 1] = np.nan, 1
     with monkeypatch.context() as unchecked:
-        for name in ("fileio.formats.plane_series.check_plane", "piv.foreign.write.check_plane"):
+        for name in ("piv.formats.plane_series.check_plane", "piv.foreign.write.check_plane"):
             unchecked.setattr(name, lambda _: None)
         write_vectors(series, path)
     says = "a plane has vectors marked valid at 0.006 s whose u or v is not finite"

@@ -9,8 +9,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fileio.formats.recording import RecordingWriter
 from piv.correlation.options import Options
+from piv.formats.recording import RecordingWriter
 from piv.images import recording as recording_of_frames
 from piv.images.open_recording import open_recording, pairs
 from piv.sequence.sequence import SequenceOptions, correlate_recording

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import read_plane
 from piv import open_recording, part_of_recording
 from piv.__main__ import main
+from piv.formats.plane_series import read_plane
 from tests.studies.piv.flows import uniform
 from tests.studies.piv.particles import render
 

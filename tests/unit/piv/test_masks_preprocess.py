@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.plane_series import read_plane
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.summary import summary
+from piv.formats.plane_series import read_plane
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background

@@ -4,9 +4,9 @@ import h5py
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane, write_plane
-from fileio.formats.recording import RecordingWriter
 from piv.foreign.pivlab import instants
+from piv.formats.plane_series import make_plane, write_plane
+from piv.formats.recording import RecordingWriter
 from piv.sequence.chunks import join
 from piv.view.scene import open_scene
 from postprocess.lab.dpiv_toml import seen_in

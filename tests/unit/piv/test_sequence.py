@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.plane_series import read_plane
-from fileio.formats.recording import RecordingWriter
-from fileio.formats.resumable import SeriesWriter
 from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
+from piv.formats.plane_series import read_plane
+from piv.formats.recording import RecordingWriter
+from piv.formats.resumable import SeriesWriter
 from piv.images.open_recording import open_recording
 from piv.sequence.multiframe import correlate_frames
 from piv.sequence.sequence import SequenceOptions, correlate_recording

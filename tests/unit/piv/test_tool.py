@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio import command
-from fileio.formats.plane_series import make_plane, write_plane
+from piv.files import command
 from piv.foreign.read import in_px, open_vectors, read_vectors
 from piv.foreign.write import write_vectors
+from piv.formats.plane_series import make_plane, write_plane
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.piv_command import made, piv
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from fileio.formats.plane_series import make_plane, provenance, write_plane
 from piv import VortexSettings, open_recording, part_of_recording
 from piv.commands.correlate import make as make_vectors
 from piv.foreign.read import in_px
+from piv.formats.plane_series import make_plane, provenance, write_plane
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import open_scene

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import make_plane, write_plane
-from fileio.formats.vortex_table import read_vortices
 from piv.commands import render, vortices
+from piv.formats.plane_series import make_plane, write_plane
+from piv.formats.vortex_table import read_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.piv_command import made, piv
 

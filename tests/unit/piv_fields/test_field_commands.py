@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import make_plane, read_plane, write_plane
+from piv.formats.plane_series import make_plane, read_plane, write_plane
 from tests.piv_command import made, piv
 
 X, Y = 0.001 * np.arange(16), 0.001 * np.arange(12)

@@ -5,14 +5,14 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane, read_plane, write_plane
-from fileio.formats.plane_writer import write_blocks
 from piv.fields import blocks as blocks_module
 from piv.fields.derived import derived, derived_blocks
 from piv.fields.groups import at_instants, bins, phases, read_columns
 from piv.fields.lines import along_line
 from piv.fields.spectra import density, frequencies_of, space_spectrum, time_spectrum
 from piv.fields.statistics import statistics
+from piv.formats.plane_series import make_plane, read_plane, write_plane
+from piv.formats.plane_writer import write_blocks
 
 X, Y = 0.001 * np.arange(24), 0.001 * np.arange(18)
 XX, YY = np.meshgrid(X, Y)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from fileio.formats.plane_series import UNCERTAIN, make_plane, usable
 from piv.fields.derived import derived
 from piv.fields.lines import along_line
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.fields.statistics import statistics
+from piv.formats.plane_series import UNCERTAIN, make_plane, usable
 from piv.plots.vectors import vorticity
 from piv.synthetic.plane_spline import PlaneField
 from piv.vortices.find import find_vortices

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from postprocess.draw.flow import flow_figure, format_instant, others, view_limits
 from postprocess.evidence.time_windows import Clock
 from postprocess.report.flow_figures import tip_vortices

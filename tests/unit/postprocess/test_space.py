@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from fileio.child_process import read_in_child
+from piv.files.child_process import read_in_child
 from postprocess.draw.space import Stage, View
 
 BOX = (-0.05, 0.05, -0.05, 0.05, -0.03, 0.03)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fileio.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane
 from piv.images.masks import inside_polygon as inside
 from postprocess.evidence.wake_trace import trace_velocity
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
-from fileio.lock import exclusive
-from fileio.record import read_record, record_path, write_record
-from pipeline.runs.make import LOG, Machine, _expected, make, make_sheet, make_stage
+from pipeline.formats.kinematics import read_kinematics
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import STAGES
+from piv.files.errors import StageError
+from piv.files.lock import exclusive
+from piv.files.record import read_record, record_path, write_record
+from softfinger.make import LOG, Machine, _expected, make, make_sheet, make_stage
 from tests.conftest import ROOT, write_scene
 
 ONE = Machine()
@@ -152,7 +152,7 @@ def test_an_edited_case_is_made_again(run: Run) -> None:
         text = path.read_text()
         path.write_text(text + "// by hand\n")
         changed = f"case/interval_0/{name} has changed since it was written"
-        assert again(run).stale("run") == {"case": changed, "run": "not made yet"}
+        assert again(run).stale("solve") == {"case": changed, "solve": "not made yet"}
         make(again(run), "case", ONE, quiet=True)
         assert path.read_text() == text
 

@@ -21,7 +21,7 @@ PAGE = ["compare", "figures", "report"]
 OF_PIV = ["piv", "pressure", "vortices_piv", *PAGE]
 OF_IMAGES = ["images", *OF_PIV]
 OF_SHEET = ["sheet", "vortices_cfd", *OF_IMAGES]
-OF_CASE = ["case", "run", "loads", *OF_SHEET]
+OF_CASE = ["case", "solve", "loads", *OF_SHEET]
 OF_MESH = ["mesh", *OF_CASE]
 ALL = ["kinematics", *OF_MESH]
 
@@ -144,7 +144,7 @@ def test_a_coupled_run_has_versions_and_costs_of_its_own(tmp_path) -> None:
     assert coupled.made_from("case")["version"] > plain.made_from("case")["version"]
     empty = open_run(plain.scene.folder, "coarse", {}, tmp_path)
     # docs/coupling.md has 1.3 to 1.9
-    assert 1.3 < estimate(coupled, "run")[0] / estimate(empty, "run")[0] < 1.9
+    assert 1.3 < estimate(coupled, "solve")[0] / estimate(empty, "solve")[0] < 1.9
 
 
 def test_a_pinch_is_compared_with_the_single_finger_that_moves_as_it_does(tmp_path) -> None:

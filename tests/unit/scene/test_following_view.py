@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fileio.errors import StageError
-from pipeline.kinematics.view import TipPath
-from pipeline.runs.make import Machine, make
+from pipeline.kinematics.camera_window import TipPath
 from pipeline.runs.run import open_run
 from pipeline.scene.limits import field_count
+from piv.files.errors import StageError
 from piv.sequence.sequence import SequenceOptions, frame_sets
+from softfinger.make import Machine, make
 from tests.conftest import ROOT, motion_of, write_scene
 
 SINGLE = ROOT / "cases" / "single_finger"
@@ -94,7 +94,7 @@ def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_
     run = open_run(write(tmp_path, "[finger]\nroot = [0, 0.2]\n[camera]\ncentre = [0.1, 0.19]\n"))
     with pytest.raises(StageError, match=r"camera\.centre = \[0\.1, 0\.19\] m: the tip leaves"):
         run.check("report")
-    run.check("run")  # the flow needs no camera
+    run.check("solve")  # the flow needs no camera
     assert not run.out.exists()
 
 

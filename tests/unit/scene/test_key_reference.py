@@ -4,11 +4,11 @@ import tomllib
 
 import pytest
 
-from fileio.errors import StageError
-from fileio.key_reference import MISSING
-from pipeline import scene_reference
+from pipeline.scene.key_reference import MISSING
+from piv.files.errors import StageError
 from postprocess.lab.dpiv_toml import KEYS as DPIV_KEYS
 from postprocess.lab.dpiv_toml import dpiv_template, read_dpiv
+from softfinger import scene_reference
 from tests.conftest import write_scene
 from tests.studies.reference import FOLDER, PAGES
 

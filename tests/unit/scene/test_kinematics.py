@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.bending_states import read_states
+from pipeline.formats.bending_states import read_states
 from pipeline.kinematics.pressure_law import measured_law
 from pipeline.kinematics.stage import kinematics_values, run
+from piv.files.errors import StageError
 from tests.conftest import motion_of, write_scene
 
 STROKE = "[motion]\nstrokes = [{{ pressure_kpa = {p}, start = 0.005, duration = 0.4 }}]\n{more}"

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.sheet import view_axes
+from piv.files.errors import StageError
 from tests.conftest import ROOT
 
 SINGLE = ROOT / "cases" / "single_finger"

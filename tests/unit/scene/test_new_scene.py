@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
 from pipeline.fea.sections import sections
-from pipeline.new_scene import Own, advice, lengths, write_scene
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
+from softfinger.new_scene import Own, advice, lengths, write_scene
 from tests.conftest import ROOT
 
 PARENT = ROOT / "cases" / "single_finger"

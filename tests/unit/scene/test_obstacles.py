@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import shapely
 
-from fileio.errors import StageError
-from fileio.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.case import build_mesh, obstacles_text
+from pipeline.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.obstacle import Obstacle
+from piv.files.errors import StageError
 from tests.conftest import prepare, write_scene
 
 BOX = '[[obstacle]]\nshape = "box"\ncentre = [-0.06, 0.17]\nsize = [0.02, 0.04]\n'

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.kinematics import read_kinematics
+from pipeline.formats.kinematics import read_kinematics
 from pipeline.kinematics.rigid_body import measured_path, rest_outline, smooth_step, travelled
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.kinematics.stage import run as run_kinematics
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
 
 SCENE = """
 title = "t"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from fileio.errors import StageError
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
+from piv.files.errors import StageError
 from tests.conftest import ROOT, write_scene
 
 SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))

@@ -2,9 +2,9 @@
 
 import pytest
 
-from fileio.errors import StageError
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
+from piv.files.errors import StageError
 from tests.conftest import ROOT, write_scene
 
 BACK = """[motion]

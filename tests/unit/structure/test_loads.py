@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fileio.formats.bending_states import States, read
+from pipeline.formats.bending_states import States, read
 from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed

@@ -8,8 +8,8 @@ import random
 
 import pytest
 
-from fileio import hdf5
-from fileio.hdf5 import check_hdf5
+from piv.files import hdf5
+from piv.files.hdf5 import check_hdf5
 from tests.studies.fuzz.mutate import damaged
 from tests.studies.fuzz.scenes import count_outcomes
 from tests.studies.fuzz.targets import TARGETS, check, named

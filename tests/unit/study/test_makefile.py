@@ -79,9 +79,9 @@ def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) 
 
 def test_a_first_run_sets_up_whatever_its_values_are(tmp_path: Path) -> None:
     """Commands of the set-up do not use LEVEL, which would be an error of the user's otherwise."""
-    (tmp_path / "pipeline").mkdir()
+    (tmp_path / "softfinger").mkdir()
     for name in ("Makefile", "requirements.lock", "pipeline/command.sh"):
         (tmp_path / name).write_text((ROOT / name).read_text())
-    (tmp_path / "pipeline" / "setup.sh").write_text('mkdir -p .venv; echo "typed: $TYPED."')
+    (tmp_path / "softfinger" / "setup.sh").write_text('mkdir -p .venv; echo "typed: $TYPED."')
     done = make("setup", "LEVEL=smoke", folder=tmp_path)
     assert (done.returncode, done.stdout) == (0, "typed: .\n")

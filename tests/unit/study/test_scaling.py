@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.openfoam.ranks import LEAST_CELLS
 from pipeline.runs.estimate import duration
-from pipeline.study.predict import prediction, step_time, useful_ranks
+from softfinger.study.predict import prediction, step_time, useful_ranks
 from tests.conftest import write_scene
 
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from fileio.errors import StageError
-from fileio.record import read_record
-from pipeline import __main__ as program
-from pipeline.runs.make import Machine, make
 from pipeline.runs.run import run_of
-from pipeline.study.outcome import write_outcome
-from pipeline.study.plan import describe, plan_study, run_job
-from pipeline.study.rows import parse_cell, read_study
+from piv.files.errors import StageError
+from piv.files.record import read_record
+from softfinger import __main__ as program
+from softfinger.make import Machine, make
+from softfinger.study.outcome import write_outcome
+from softfinger.study.plan import describe, plan_study, run_job
+from softfinger.study.rows import parse_cell, read_study
 from tests.conftest import ROOT, write_scene
 
 HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
@@ -37,9 +37,9 @@ def jobs(plan: dict) -> list[tuple[str, str]]:
 
 def test_rows_become_runs_that_differ_in_what_the_table_says(tmp_path: Path) -> None:
     scene = write_scene(tmp_path / "small")
-    rows = 'fine, tiny, run, 2, , 5e-4, , \nwide, tiny, vortices, , , , half, "[0.01, 0.2]"\n'
+    rows = 'fine, tiny, solve, 2, , 5e-4, , \nwide, tiny, vortices, , , , half, "[0.01, 0.2]"\n'
     fine, wide = read_study(table(scene.folder, rows))
-    assert (fine.ranks, fine.until, wide.ranks, wide.until) == (2, "run", 1, "vortices")
+    assert (fine.ranks, fine.until, wide.ranks, wide.until) == (2, "solve", 1, "vortices")
     runs = [run_of(describe(scene.folder, "trial", row)) for row in (fine, wide)]
     assert runs[0].scene.numerics.time_step == 5e-4
     assert (runs[1].scene.model.kind, runs[1].scene.camera.centre) == ("half", (0.01, 0.2))
@@ -97,15 +97,15 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "rows, part",
     [
-        ("a, tiny, run, 0, , , , \n", "ranks = '0'"),
+        ("a, tiny, solve, 0, , , , \n", "ranks = '0'"),
         ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
-        ("../a, tiny, run, 1, , , , \n", "run = '../a'"),
-        ("a, tiny, run, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
+        ("../a, tiny, solve, 1, , , , \n", "run = '../a'"),
+        ("a, tiny, solve, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
         ("", "no rows"),
-        ("a, tiny, run, 1, , , 4d, \n", "run a: "),
-        ("a, tiny, run, 1, , 3e-4, , \n", "numerics.time_step"),
-        ("a, tiny, run, 1, perhaps, , , \n", "may_fail = 'perhaps'"),
-        ("a, tiny, run, 1, no, , , , 7, 8\n", "more cells than columns"),
+        ("a, tiny, solve, 1, , , 4d, \n", "run a: "),
+        ("a, tiny, solve, 1, , 3e-4, , \n", "numerics.time_step"),
+        ("a, tiny, solve, 1, perhaps, , , \n", "may_fail = 'perhaps'"),
+        ("a, tiny, solve, 1, no, , , , 7, 8\n", "more cells than columns"),
     ],
 )
 def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str) -> None:
@@ -168,7 +168,7 @@ def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
 
 def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
     """Beside the Snakefile; elsewhere they are ignored, and a study that was killed stops."""
-    assert (ROOT / "pipeline" / "study" / "profiles" / "default" / "config.yaml").exists()
+    assert (ROOT / "softfinger" / "study" / "profiles" / "default" / "config.yaml").exists()
 
 
 def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fileio.errors import StageError
-from fileio.formats.records import RUN
+from pipeline.formats.records import RUN
 from pipeline.scene.scene import load_scene
-from pipeline.study.accuracy import (
+from piv.files.errors import StageError
+from softfinger.study.accuracy import (
     Setting,
     choose,
     parse_accuracy,
@@ -20,9 +20,9 @@ from pipeline.study.accuracy import (
     results_of,
     study_table,
 )
-from pipeline.study.plan import Row
-from postprocess.studies.errors import dorsal_error, force_error, own_errors, vortex_errors, worst
-from postprocess.studies.tradeoff import finest, front, write_results
+from softfinger.study.errors import dorsal_error, force_error, own_errors, vortex_errors, worst
+from softfinger.study.plan import Row
+from softfinger.study.tradeoff import finest, front, write_results
 from tests.conftest import ROOT
 
 SINGLE = ROOT / "cases" / "single_finger"
@@ -134,7 +134,7 @@ def test_invalid_accuracies_and_budgets_are_refused(read, texts):
 
 
 def results() -> pd.DataFrame:
-    """A table of postprocess.studies.tradeoff, of three flow runs and two of PIV."""
+    """A table of softfinger.study.tradeoff, of three flow runs and two of PIV."""
     flow = pd.DataFrame(
         {
             "run": ["draft", "draft_2d", "medium"], "level": ["draft", "draft", "medium"],

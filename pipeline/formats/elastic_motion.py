@@ -1,0 +1,23 @@
+"""The motion of a finger that pressure and water make together, `run/elastic_motion.h5`."""
+
+from pathlib import Path
+
+from piv.files.schema import Schema, variables
+
+FILE = Path("run/elastic_motion.h5")  # in a level's folder
+
+SCHEMA = Schema(
+    "elastic-motion",
+    variables("""
+time  time  s  time steps of the run
+pressure  time  Pa  in the chambers
+delta  time, slice  rad  elastic turn of each slice against the shape without load
+contact_force  time  N  on the whole finger, away from what its tip touches
+tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
+open_energy  -  1  work and energy that do not match, over the pressure's work, until a contact
+moment_share  -  1  largest moment on a joint over that of the table in states.h5
+first_order  -  1  1: the loads were continued to first order, since a mode alternated
+"""),
+)
+
+read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write

@@ -1,0 +1,24 @@
+"""The tables and JSON records that stages leave behind (docs/formats.md)."""
+
+from piv.files.schema import JsonFormat, Table
+
+RUN = JsonFormat("run")
+COMPARISON = JsonFormat("comparison")
+LAB_COMPARISON = JsonFormat("lab-comparison", "run make compare again")
+STUDY_PLAN = JsonFormat("study-plan", "run the study again")
+FIGURES = JsonFormat("figures", "run the stage 'figures' again")
+RECORDS = (RUN, COMPARISON, LAB_COMPARISON, STUDY_PLAN, FIGURES)
+
+FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_viscous")
+POWER = Table("time, finger_power, kinetic_energy, dissipation")
+LOSSES = ("viscous", "convection", "coupling")  # terms that take energy from the flow
+POWER_TERMS = Table(", ".join(("time", *LOSSES)))
+HISTORY = Table(
+    "time, courant_mean, courant_max, continuity_local, continuity_global, pressure_iterations,"
+    " wall_time",
+)
+MESH_QUALITY = Table(
+    "interval, mesh, time_share, bend_deg, shape_parameter, max_non_orthogonality_deg,"
+    " mean_non_orthogonality_deg, max_skewness, min_area_ratio",
+    digits=6,
+)

@@ -1,1 +1,0 @@
-"""Stage run: the solver, its guards and its results."""

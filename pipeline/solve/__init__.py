@@ -1,0 +1,1 @@
+"""Stage solve: the solver, its guards and its results."""

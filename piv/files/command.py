@@ -1,0 +1,142 @@
+"""Subcommands, errors in one sentence, exit codes 0, 2 (bad input) and 130 (interrupted)."""
+
+import argparse
+import io
+import os
+import signal
+import stat
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+from piv.files import __version__
+from piv.files.errors import StageError, sentence, suggestion, system_error
+
+_PROGRAMS = ("softfinger", "piv")
+_INTERRUPTED = "interrupted; run it again to go on: what is finished is kept"
+
+
+def _exit_at_interrupt(*_: object) -> None:
+    os.write(2, f"{_INTERRUPTED}\n".encode())
+    os._exit(130)
+
+
+def importing() -> None:
+    """Make Ctrl-C exit at once until `working`: libraries raise other errors during imports.
+
+    A process that ignores the signal, such as a background job, still ignores it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _exit_at_interrupt)
+
+
+def working() -> None:
+    """Make Ctrl-C raise KeyboardInterrupt again, so that open work is cleaned up."""
+    if signal.getsignal(signal.SIGINT) is _exit_at_interrupt:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is a KeyboardInterrupt or was caused by one."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+_SPEC = getattr(sys.modules["__main__"], "__spec__", None)
+if getattr(_SPEC, "name", "").partition(".")[0] in _PROGRAMS:
+    importing()  # `python -m` imports the rest of the program next
+
+
+def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -> int:
+    """Exit code of `action`; prints a foreseeable error as one sentence that begins with `name`.
+
+    `strict`: a ValueError that is neither a StageError nor a system error is a defect and raised.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a console that has no × prints ?
+            stream.reconfigure(errors="replace")
+    begin = f"{name}: " if name else ""
+    try:
+        return action() or 0
+    except (KeyboardInterrupt, Exception) as error:
+        if _is_interrupt(error):
+            print(f"{begin}{_INTERRUPTED}", file=sys.stderr)
+            return 130
+        defect = strict and isinstance(error, ValueError) and not isinstance(error, StageError)
+        message = None if defect and system_error(error) is None else sentence(error)
+        if message is None:
+            raise
+        print(f"{begin}{message}", file=sys.stderr)
+        return 2
+
+
+def _check_inputs(args: argparse.Namespace) -> None:
+    """StageError where an argument names a pipe or a device."""
+    values = [
+        v
+        for value in vars(args).values()
+        for v in (value if isinstance(value, list | tuple) else [value])
+    ]
+    for path in (Path(value) for value in values if isinstance(value, str | Path)):
+        with suppress(OSError, ValueError):  # not a path
+            kind = path.stat().st_mode
+            if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+                break
+    else:
+        return
+    raise StageError(f"{path}: is neither a file nor a folder; give another name")
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that reports an error in one sentence, without its usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (--help lists what may be given)\n")
+
+
+def command_line(
+    program: str,
+    doc: str | None,
+    commands: Mapping[str, tuple[str, Any]],
+    argv: list[str] | None = None,
+    around: Callable[[argparse.Namespace], AbstractContextManager[Any]] = nullcontext,
+) -> int:
+    """Run the subcommand in `argv` within `around(args)`; returns the exit code.
+
+    commands: by name, a description and the module (or its name) with `run(args)` and, for
+    arguments, `add_arguments(parser)`; all have --quiet. Only the chosen module is imported.
+    """
+    parser = _Parser(prog=program, description=doc)
+    parser.add_argument("--version", action="version", version=f"{program} {__version__}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="command")
+    words = sys.argv[1:] if argv is None else argv
+    if argv is None:
+        importing()
+
+    def action() -> int | None:
+        module: Any = None
+        chosen = parser
+        if words and not words[0].startswith("-") and words[0] not in commands:
+            parser.error(f"{words[0]}: no such command{suggestion(words[0], commands)}")
+        for name, (about, where) in commands.items():
+            sub = subparsers.add_parser(name, help=about, description=about)
+            if words and words[0] == name:
+                chosen = sub
+                module = import_module(where) if isinstance(where, str) else where
+                if hasattr(module, "add_arguments"):
+                    module.add_arguments(sub)
+                sub.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        args, unknown = parser.parse_known_args(words)
+        if unknown:
+            options = suggestion(unknown[0], chosen._option_string_actions)
+            chosen.error(f"unrecognized arguments: {' '.join(unknown)}{options}")
+        _check_inputs(args)
+        working()
+        with around(args):
+            return module.run(args)
+
+    return guarded(" ".join([program, *words[:1]]), action)

@@ -1,0 +1,1 @@
+"""The program: runs are made, studied and compared from the command line."""

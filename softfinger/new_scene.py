@@ -1,0 +1,213 @@
+"""A scene for an own finger (softfinger new); the file names what it assumes."""
+
+import math
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.fea.sections import sections
+from pipeline.formats.bending_states import read_states
+from pipeline.kinematics.pressure_law import measured_law, measured_table
+from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.run import open_run
+from pipeline.runs.stages import FEA, STAGES
+from pipeline.scene.predicted import predicted
+from pipeline.scene.read_toml import command, read_layers
+from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.sections import SMOOTHING
+from piv.files.atomic import write_text
+from piv.files.errors import StageError
+
+PARENT = Path("cases/single_finger")
+_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_FILLED = 0.9  # of the tank's height: the experiment's
+_ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
+_BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
+_FEWEST_STATES = 8
+_PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
+_TIP_PER_BEND = 0.6  # of the length: way of the tip while the finger bends by 1 rad
+_STEP_SPEED = 0.35  # m/s, for which the levels' time steps were chosen
+_WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
+_LEVELS = ("smoke", "draft", "coarse")
+
+
+@dataclass(frozen=True)
+class Own:
+    """What the user gives: length and width (m), pressure history (CSV), tank x, y, z (m)."""
+
+    length: float
+    width: float
+    pressure: Path
+    tank: tuple[float, float, float]
+
+
+def lengths(text: str, key: str, count: int, unit: str = "") -> tuple[float, ...]:
+    """Metres of a text such as "50mm" or "400x250x250"; `unit`: where it has none. StageError."""
+    numbers = "[x×]".join([r"([\d.]+)"] * count)
+    match = re.fullmatch(rf"\s*{numbers}\s*(mm|cm|m)?\s*", text)
+    *parts, given = match.groups() if match else ("",)
+    unit = given or unit
+    try:
+        values = tuple(float(part) * _UNITS[unit] for part in parts)
+    except (KeyError, ValueError):
+        values = ()
+    if not values or min(values) <= 0:
+        example = "400x250x250 (mm: length, height, depth)" if count > 1 else "50mm"
+        raise StageError(f"{key} {text}: give {example}")
+    return tuple(round(value, 9) for value in values)
+
+
+def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
+    """Write scene.toml and pressure.csv into a folder; returns the scene at level coarse.
+
+    StageError, and nothing written, where they do not fit together.
+    """
+    shipped = load_scene(parent)
+    actuator, _ = sections(shipped)
+    times, pressure = measured_table(own.pressure, "t,p", "s and Pa", least=2)
+    measured_law(own.pressure)  # refuses kPa
+    chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
+    cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
+    end = math.ceil(round((times[-1] - times[0] + SMOOTHING) / _WHOLE, 6)) * _WHOLE
+    span = np.ptp(pressure) / 1e3
+    step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
+    low, high = math.floor(pressure.min() / 1e3 / step), math.ceil(pressure.max() / 1e3 / step)
+    values = {
+        "parent": os.path.relpath(parent, folder),
+        "parent_name": shipped.folder.resolve().name,
+        "smoothing": SMOOTHING,
+        "title": folder.name.replace("_", " ").capitalize(),
+        "tank": [float(x) for x in own.tank],
+        **_placed(own),
+        "length": own.length,
+        "width": own.width,
+        "chambers": chambers,
+        "l2": round(cavity, 6),
+        "first": step * (min(low, 0) - 1.0),
+        "last": step * max(high, 1.0),
+        "step": float(step),
+        "rows": len(times),
+        "source": own.pressure.name,
+        "low": pressure.min() / 1e3,
+        "high": pressure.max() / 1e3,
+        "end": round(end, 6),
+        "levels": _of_levels(own, shipped, chambers, end),
+    }
+    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
+    written = [
+        (folder / "pressure.csv", f"t,p\n{history}"),
+        (folder / "scene.toml", _TEXT.format(**values)),
+    ]
+    if there := next((path for path, _ in written if path.exists()), None):
+        raise StageError(f"{there}: exists already; give another folder, or edit it")
+    new = not folder.exists()
+    for path, text in written:
+        write_text(path, text)
+    try:
+        scene = load_scene(folder)
+        sections(scene)
+    except StageError:
+        for path, _ in written:
+            path.unlink()
+        folder.rmdir() if new else None
+        raise
+    return scene
+
+
+def _placed(own: Own) -> dict[str, Any]:
+    """Water depth and root for a finger in a tank; StageError where it does not fit."""
+    depth = math.floor(round(1e3 * _FILLED * own.tank[1], 6)) / 1e3
+    above = min(max(depth - own.length - _BELOW_TIP, _LEAST_ABOVE_ROOT), _ABOVE_ROOT)
+    below = depth - above - own.length
+    if below < _LEAST_BELOW_TIP:
+        raise StageError(
+            f"--length: a finger of {1e3 * own.length:g} mm does not hang in a tank"
+            f" {1e3 * own.tank[1]:g} mm high, filled to {1e3 * depth:g} mm; give a higher one, at"
+            f" least {1e3 * (own.length + _LEAST_ABOVE_ROOT + _LEAST_BELOW_TIP) / _FILLED:.0f} mm"
+        )
+    half = own.tank[0] / 2
+    x = min(0.0, max(half - 1.2 * own.length, own.length / 3 - half))
+    return {"depth": depth, "root": [round(x, 4), round(depth - above, 4)], "above": 1e3 * above}
+
+
+def _of_levels(own: Own, shipped: Scene, chambers: int, end: float) -> str:
+    """Tables of levels: shorter time steps for a fast tip, smaller far cells for a small tank."""
+    states = read_states(shipped.folder / str(shipped.motion.states), shipped.finger.thickness)
+    ends = np.diff(states.profile[:, -2:], axis=1)[:, 0]
+    bend = np.unwrap(np.arctan2(ends[:, 1], ends[:, 0])) * chambers / shipped.actuator["chambers"]
+    time = np.linspace(0, end, 2001)
+    turn = np.interp(measured_law(own.pressure)(time), states.pressure, bend)
+    speed = _TIP_PER_BEND * own.length * np.abs(np.gradient(turn, time)).max()
+    parts = 2 ** math.ceil(math.log2(max(speed / _STEP_SPEED, 1.0)))
+    largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
+    text = ""
+    layers = read_layers(shipped.folder / "scene.toml")
+    for level in dict.fromkeys(name for layer in layers for name in layer.levels):
+        scene, keys = load_scene(shipped.folder, level), ""
+        if parts > 1:
+            keys += (
+                f"numerics = {{ time_step = {scene.numerics.time_step / parts:g} }}  # a fast tip\n"
+            )
+        if scene.mesh.far_cell > largest:
+            keys += f"mesh = {{ far_cell = {largest:g} }}  # a quarter of the tank at most\n"
+        text += f"\n[levels.{level}]\n{keys}" if keys else ""
+    return text
+
+
+_TEXT = """\
+# Written by softfinger new. It holds what differs from {parent_name} (all keys:
+# docs/scene_reference.md). "Assumed" marks what was not given: check it against yours.
+extends = "{parent}"
+title = "{title}"
+
+[tank]
+size = {tank}  # inner length x, height y, depth z (m)
+water_depth = {depth}  # assumed: nine tenths of the height
+
+[finger]
+root = {root}  # assumed: {above:.0f} mm below the surface; x = 0 is the middle of the tank
+length = {length}  # m
+width = {width}  # m, along z
+
+# The bending analysis (make fea). Assumed: cross-section and silicone of the paper's finger (keys
+# in {parent}/scene.toml), with as many chambers as the length takes:
+# chambers × (l2 + 2 l1) + (chambers − 1) × gap = finger.length.
+[actuator]
+chambers = {chambers}
+l2 = {l2}  # length of a cavity (m)
+width = {width}
+
+[fea]
+first_pressure_kpa = {first}  # {source} has {low:.3g} to {high:.3g} kPa
+last_pressure_kpa = {last}
+pressure_step_kpa = {step}
+uncertainty = false  # true: six more analyses, for a band around the bending radius
+
+[motion]
+pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing: {smoothing} s
+end_time = {end}  # s: when the smoothed pressure has arrived
+
+# Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
+# and scale_mm_per_px state a view. Model, mesh, time steps and PIV are {parent_name}'s.
+{levels}"""
+
+
+def advice(scene: Scene) -> str:
+    """What to do next, with predicted times and sizes; nothing has been analysed yet."""
+    folder = scene.folder
+    runs = [open_run(folder, level) for level in _LEVELS]
+    lines = [
+        f"{folder / 'scene.toml'}: look at what it assumes, then",
+        f"{command('fea', folder):40s} about {duration(estimate(runs[0], FEA.name)[0])}",
+    ]
+    for level, run in zip(_LEVELS, runs, strict=True):
+        seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
+        lines.append(
+            f"{command('run', folder, level):40s} about {duration(seconds)}; the flow:"
+            f" {predicted(run.scene)}{'; 2-D: to try' if level == 'smoke' else ''}"
+        )
+    return "\n".join(lines)

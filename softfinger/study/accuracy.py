@@ -1,0 +1,236 @@
+"""Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
+
+import csv
+import json
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.kinematics.camera_window import tip_path
+from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.run import Run, open_run
+from pipeline.runs.stages import BY_NAME, STAGES, until
+from pipeline.scene.read_toml import command
+from pipeline.scene.scene import Scene, load_scene
+from piv.files.errors import StageError
+from piv.files.json_text import parse_json
+from piv.files.record import read_record
+from softfinger.make import Machine, make
+from softfinger.study.machine_speed import probe
+from softfinger.study.rows import Row, parse_cell, read_study
+
+_NUMBER = r"(\d+\.?\d*|\.\d+)"
+_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
+_TURBULENCE = "fluid.turbulence"
+_NOT_A_SETTING = {"sheet.rate_hz"}  # the study reduces it to save time
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A measured setting: overrides of the scene, relative error, CPU seconds by stage."""
+
+    row: Row
+    error: float
+    seconds: dict[str, float]
+
+
+def results_of(scene: Scene) -> tuple[Path, str]:
+    """The table of the settings that were measured for a scene, or for one that it extends.
+
+    And a warning where it is another's; StageError where there is none, or none that is near.
+    """
+    folders = scene.folder, *scene.parents
+    paths = [folder / "studies" / "results" / "tradeoff.csv" for folder in folders]
+    path = next((path for path in paths if path.exists()), None)
+    if path == paths[0]:
+        return path, ""
+    why = "no settings were measured for it"
+    if path is not None:
+        home = path.parents[2]
+        other, own = (
+            _of_motion(load_scene(folder, scene.level)) for folder in (home, scene.folder)
+        )
+        apart = [
+            f"{name} {value:.3g} against {other[name]:.3g}"
+            for name, value in own.items()
+            if not other[name] / _NEAR[name] <= value <= other[name] * _NEAR[name]
+        ]
+        if not apart:
+            return (
+                path,
+                f"warning: the errors were measured on {home.resolve().name}, a scene like it",
+            )
+        why = f"those of {home.resolve().name} are of another motion ({', '.join(apart)})"
+    try:
+        time = duration(_study_time(scene))
+    except StageError as error:  # no table of runs, or a level of it is not this scene's
+        raise StageError(f"{scene.folder}: {why}; {error}") from None
+    raise StageError(
+        f"{scene.folder}: {why}; measure its own with {command('tradeoff', scene.folder)}, about"
+        f" {time} of CPU time"
+    )
+
+
+# largest ratio of two scenes' numbers whose level errors are alike
+_NEAR = {"fingers": 1.0, "turns of the pressure": 1.0, "Reynolds number": 2.0, "length (m)": 1.5}
+
+
+def _of_motion(scene: Scene) -> dict[str, float]:
+    path = tip_path(scene)
+    return {
+        "fingers": 2.0 if scene.pinch else 1.0,
+        "turns of the pressure": 1.0 + path.turns,
+        "Reynolds number": path.speed * scene.finger.width / scene.fluid.kinematic_viscosity,
+        "length (m)": scene.finger.length,
+    }
+
+
+def study_table(scene: Scene) -> Path:
+    """The table of runs that measures what accuracy costs, of a scene or of one that it extends."""
+    for folder in (scene.folder, *scene.parents):
+        if (path := folder / "studies" / "tradeoff.csv").exists():
+            return path
+    raise StageError(
+        f"{scene.folder / 'studies' / 'tradeoff.csv'}: no such study; give a table, as"
+        " cases/single_finger/studies/tradeoff.csv"
+    )
+
+
+def _study_time(scene: Scene) -> float:
+    """The predicted CPU time of the study, s; equal stages count once."""
+    out, seconds = scene.folder / "out" / "studies" / "tradeoff", dict[str, float]()
+    for row in read_study(study_table(scene)):
+        run = open_run(scene.folder, row.level, row.overrides, out / row.run)
+        for stage in until(row.until):
+            seconds[run.digest(stage.name)] = estimate(run, stage.name)[0]
+    return sum(seconds.values())
+
+
+def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
+    """Settings of a table of results, and its head; StageError where it is unusable.
+
+    The head has the `probe` of the machine that measured, the name of the `best` run (the
+    reference of the errors), and `best_error`, its own error, where it was estimated.
+    """
+    lines = path.read_text(encoding="utf-8").splitlines()
+    remedy = f"make it anew with {command('tradeoff', path.parents[2])}"
+    head: dict[str, Any] = next(
+        (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
+    )
+    settings = []
+    for record in csv.DictReader(line for line in lines if not line.startswith("#")):
+        if record["run"] == head.get("best") and record["error"]:
+            head["best_error"] = float(record["error"])
+        seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
+        if not record["error"] or record["kind"] != "flow" or not seconds:
+            continue
+        overrides = {
+            k: parse_cell(v)
+            for k, v in record.items()
+            if "." in k and v and k not in _NOT_A_SETTING
+        }
+        if _TURBULENCE in overrides:
+            continue  # another model of the water, not another accuracy of it
+        row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
+        settings.append(Setting(row, float(record["error"]), seconds))
+    if "probe" not in head or not settings:
+        raise StageError(f"{path}: no probe or no settings in it; {remedy}")
+    return settings, head
+
+
+def parse_accuracy(text: str) -> float:
+    """Relative error of a text such as "5%" or "0.05"."""
+    match = re.fullmatch(rf"\s*{_NUMBER}\s*(%?)\s*", text)
+    value = float(match.group(1)) * (0.01 if match.group(2) else 1.0) if match else -1.0
+    if not 0 < value < 1:
+        raise StageError(f"ACCURACY={text}: give a share between 0 and 1, as 5% or 0.05")
+    return value
+
+
+def parse_budget(text: str) -> float:
+    """Seconds of a text such as "10min", "2h" or "90s"."""
+    match = re.fullmatch(rf"\s*{_NUMBER}\s*([a-z]+)\s*", text)
+    if not match or match.group(2) not in _UNITS or float(match.group(1)) <= 0:
+        raise StageError(f"BUDGET={text}: give a time, as 10min, 2h or 90s")
+    return float(match.group(1)) * _UNITS[match.group(2)]
+
+
+def predicted_time(setting: Setting, there: dict[str, float], here: dict[str, float]) -> float:
+    """CPU seconds of a setting here; there, here: probes of the measuring and this machine."""
+    ratio = {piece: here[piece] / there[piece] for piece in there}
+    return sum(
+        seconds * ratio["solver" if BY_NAME[stage].ranks else "images"]
+        for stage, seconds in setting.seconds.items()
+    )
+
+
+def choose(
+    settings: list[Setting], times: list[float], most_error: float | None, most_time: float | None
+) -> int:
+    """Index of the cheapest setting within `most_error`, or the most accurate in `most_time` (s).
+
+    StageError with the nearest setting where there is none.
+    """
+    order = range(len(settings))
+    if most_error is not None:
+        good = [k for k in order if settings[k].error <= most_error]
+        if not good:
+            best = min(order, key=lambda k: settings[k].error)
+            raise StageError(
+                f"no measured setting reaches {100 * most_error:.3g} %; the best,"
+                f" {settings[best].row.run}, is within {100 * settings[best].error:.3g} %: give"
+                " that, or set the scene finer yourself"
+            )
+        return min(good, key=lambda k: times[k])
+    assert most_time is not None
+    good = [k for k in order if times[k] <= most_time]
+    if not good:
+        fast = min(order, key=lambda k: times[k])
+        raise StageError(
+            f"no measured setting takes {most_time:.0f} s or less; the fastest,"
+            f" {settings[fast].row.run}, takes {times[fast]:.0f} s"
+        )
+    return min(good, key=lambda k: settings[k].error)
+
+
+def reference_warning(head: dict[str, Any], error: float) -> str:
+    """A sentence where `error` is below that of the reference run; empty otherwise."""
+    own = head.get("best_error")
+    if own is None or error >= own:
+        return ""
+    return (
+        f"errors are relative to {head['best']}, whose own error is estimated at {own:.1%}:"
+        " smaller ones are not known"
+    )
+
+
+def make_cheapest(folder: Path, accuracy: str, budget: str, machine: Machine, quiet: bool) -> Run:
+    """Make the report of the setting that `choose` gives for an accuracy or a budget."""
+    error = parse_accuracy(accuracy) if accuracy else None
+    time = parse_budget(budget) if budget else None
+    path, warning = results_of(open_run(folder).scene)
+    if warning:
+        print(warning)
+    settings, head = read_results(path)
+    here = probe()
+    times = [predicted_time(setting, head["probe"], here) for setting in settings]
+    index = choose(settings, times, error, time)
+    row, found = settings[index].row, settings[index].error
+    run = open_run(folder, row.level, row.overrides, folder / "out" / "asked" / row.run)
+    if not quiet:
+        print(
+            f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
+            f" {found:.1%}; about {times[index]:.0f} s of CPU on this machine"
+        )
+        if doubt := reference_warning(head, max(error or 0.0, found)):
+            print(doubt)
+        if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
+            print(f"not counted, because not measured: {', '.join(unknown)}")
+    make(run, "report", replace(machine, ranks=row.ranks), quiet)
+    if not quiet:
+        records = [read_record(run.out, stage.name) for stage in STAGES]
+        cpu = sum(record["cpu_time"] for record in records if record)
+        ratio = cpu / times[index] - 1
+        print(f"took {cpu:.0f} s of CPU; predicted {times[index]:.0f} s, {ratio:+.0%}")
+    return run

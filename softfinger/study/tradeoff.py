@@ -1,0 +1,167 @@
+"""What accuracy costs: errors of a study's runs against its best, and those that nothing beats."""
+
+import platform
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy import ndarray
+
+from pipeline.formats.records import RUN
+from pipeline.runs.stages import until
+from pipeline.scene.measurement import piv_settings, render_settings
+from piv.files.json_text import read_json
+from piv.files.provenance import versions
+from piv.files.record import REMEDY
+from postprocess.evidence.stage_files import StageFiles
+from postprocess.tables import write_table
+from softfinger.study.errors import errors_against, own_errors
+from softfinger.study.table import (
+    files_of,
+    middle_of_stroke,
+    missing_runs,
+    read_plan,
+    stage_costs,
+    study_table,
+)
+
+# A run that overrides it shows how grids converge: nobody chooses it.
+PART_OF_STROKE = "motion.end_time"
+_OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
+_LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
+
+
+def front(cost: ndarray, error: ndarray) -> ndarray:
+    """Whether no run (n,) is both cheaper and more accurate; a run without error never counts."""
+    beaten = (cost[None] <= cost[:, None]) & (error[None] <= error[:, None])
+    strictly = (cost[None] < cost[:, None]) | (error[None] < error[:, None])
+    return ~(beaten & strictly).any(1) & np.isfinite(error)
+
+
+def _predictions(table: pd.DataFrame, planes: pd.Series, whole: pd.Series) -> pd.DataFrame:
+    """CPU seconds of each stage of a run to the report, `predict_<stage>_s`, for each flow run.
+
+    Stages of the sheet go with their `planes`, as the study may have sampled fewer. Those of
+    images, PIV and report are those of the run `whole`, with the picture's size.
+    """
+    out = pd.DataFrame(index=table.index)
+    for stage in (stage.name for stage in until("solve")):
+        out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"]
+    for stage in ("sheet", "vortices_cfd"):
+        out[f"predict_{stage}_s"] = table[f"cpu_{stage}_s"] * planes
+    pixels = table["pixels"] / whole["pixels"]
+    fields = table["piv_fields"] / whole["piv_fields"]
+    out["predict_images_s"] = whole["cpu_images_s"] * pixels
+    for stage in ("piv", "vortices_piv"):
+        out[f"predict_{stage}_s"] = whole[f"cpu_{stage}_s"] * pixels * fields
+    for stage in _OF_THE_REPORT:
+        out[f"predict_{stage}_s"] = whole[f"cpu_{stage}_s"]
+    return out
+
+
+def _picture(files: StageFiles) -> dict[str, float]:
+    """Pixels of a run's picture, its rate, and each how-many-th pair PIV takes."""
+    scene = files.numbers
+    camera, piv = render_settings(scene.camera, scene.sheet), piv_settings(scene.piv, scene.camera)
+    return {
+        "pixels": camera["width_px"] * camera["height_px"],
+        "rate_hz": camera["frame_rate_hz"],
+        "every": piv["every"] * camera.get("pairs_every", 1),
+    }
+
+
+def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
+    """The finished flow run of most cells, of those with as many the one of most steps."""
+    done = [row for row in plan["runs"] if row["until"] != "vortices" and row["run"] not in missing]
+    if not done:
+        raise ValueError("the study has no finished run to judge the others by")
+
+    def size(row: dict[str, Any]) -> tuple[int, int]:
+        record = RUN.read(Path(row["out"]) / "run" / "run.json")
+        return record["cells"], record["steps"]
+
+    return str(max(done, key=size)["run"])
+
+
+def _evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.DataFrame:
+    """The study's table with errors, the front, and predicted costs; without `missing` runs."""
+    plan = plan | {"runs": [row for row in plan["runs"] if row["run"] not in missing]}
+    rows = {row["run"]: files_of(row) for row in plan["runs"]}
+    if best not in rows:
+        why = missing.get(best, "the table has none of that name")
+        raise ValueError(
+            f"the study has no finished run {best!r} to judge the others by ({why});"
+            " name one with --best"
+        )
+    table = study_table(plan, {}).set_index("run", drop=False)
+    is_piv = table["until"].eq("vortices")
+    is_part = pd.Series({row["run"]: PART_OF_STROKE in row["overrides"] for row in plan["runs"]})
+    table["kind"] = np.where(is_piv, "piv", np.where(is_part, "grid", "flow"))
+    window = middle_of_stroke(rows[str(table["end_time_s"].idxmax())])
+    for run, files in rows.items():
+        source, reference = ("piv", files) if is_piv[run] else ("cfd", rows[best])
+        numbers = {} if run == best else errors_against(reference, files, source, window)
+        if table.loc[run, "until"] == "report":
+            numbers |= stage_costs(files.out, _OF_THE_REPORT)[0]
+        for name, value in (numbers | _picture(files)).items():
+            table.loc[run, name] = value
+    if "error" in table:
+        for name, value in own_errors(table, plan["runs"], best).items():
+            table.loc[best, name] = value
+    nothing = pd.Series(np.nan, table.index)
+    flow = table["kind"].eq("flow")
+    # The study only ever samples less than the level's own rate.
+    native = table.groupby("level")["rate_hz"].transform("max")
+    table["piv_fields"] = native * table["end_time_s"] / table["every"]
+    whole = table[flow & table.get("cpu_report_s", nothing).notna()]
+    if len(whole):
+        planes = (native / table["rate_hz"])[flow]
+        table = table.join(_predictions(table[flow], planes, whole.iloc[0]))
+    stages = ["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]
+    table["cpu_flow_s"] = table[stages].sum(axis=1)
+    if is_piv.any():
+        table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]
+    cost = np.where(is_piv, table.get("cpu_piv_per_field_s", np.nan), table["cpu_flow_s"])
+    error = table.get("error", nothing).to_numpy(float)
+    table["front"] = False
+    for kind in (flow, is_piv):
+        chosen = kind.to_numpy()
+        table.loc[chosen, "front"] = front(cost[chosen].astype(float), error[chosen])
+    return table.reset_index(drop=True)
+
+
+def write_results(path: Path, table: pd.DataFrame, best: str, probe: dict[str, float]) -> None:
+    """Write the table, which ACCURACY= and BUDGET= choose from, as CSV below its provenance."""
+    head = {
+        "format": "tradeoff",
+        "format_version": 1,
+        "best": best,
+        "made": datetime.now(UTC).date().isoformat(),
+        "probe": probe,
+        "versions": {"python": platform.python_version()} | versions(*_LIBRARIES),
+    }
+    rounded = table.copy()
+    for name in rounded.select_dtypes("number"):
+        rounded[name] = [float(f"{v:.5g}") if pd.notna(v) else v for v in rounded[name]]
+    write_table(path, rounded, head)
+
+
+def write_tradeoff(path: Path) -> None:
+    """Write studies/results/tradeoff.csv of a scene from the plan of its study.
+
+    ValueError where runs are missing.
+    """
+    plan = read_plan(path)
+    if missing := missing_runs(plan):
+        listed = "; ".join(f"{run}: {why}" for run, why in missing.items())
+        raise ValueError(
+            f"{len(missing)} of {len(plan['runs'])} runs are not there as the study asks for them"
+            f" ({listed}): run make tradeoff again"
+        )
+    folder = Path(plan["home"])
+    best = finest(plan, {})
+    table = _evaluate(plan, best, {})
+    probe = read_json(path.with_name("probe.json"), REMEDY)
+    write_results(folder / "studies" / "results" / "tradeoff.csv", table, best, probe)
