@@ -178,8 +178,7 @@ def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterat
     """Regions that are vortices or layers, in boxes that hold the circle of a circulation."""
     least = np.pi * (SMALLEST * scale) ** 2 / (p.step[0] * p.step[1])
     taken = np.zeros(c.omega.shape, bool)
-    inside = np.pad(c.known.astype(np.uint8), 1)  # the plane's border cuts contours as a wall does
-    away = cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1] > scale / max(p.step)
+    away = cv2.distanceTransform(c.known.astype(np.uint8), cv2.DIST_L2, 5) > scale / max(p.step)
     lowest = STRAINED_PEAK * np.abs(c.omega).max()
     round_ = c._replace(q=np.where(away & (c.omega > SADDLE * lowest), 1.0, -1.0))
     for strained, part, level, longest, peak in (
@@ -191,24 +190,19 @@ def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterat
         for k, box in enumerate(ndimage.find_objects(basins), start=1):
             if box is None or sizes[k] < least or peaks[k] < peak:
                 continue
+            edges = list(zip(box, basins.shape, strict=True))
+            if strained and any(b.start == 0 or b.stop == n for b, n in edges):
+                continue  # a layer that the plane's border cuts may look round
             by = 2 + int(DISC * scale / min(p.step))
-            edges = zip(box, basins.shape, strict=True)
             box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
             near, local = basins[box], _Criteria(*(q[box] for q in part))
             mask = (near == k) & (local.omega >= level * peaks[k])
             if np.count_nonzero(mask) < least or (mask & taken[box]).any():
                 continue
-            if strained and not _closed(mask, away[box]):
-                continue
             if _stands_out(local, mask, p.step, scale, longest):
                 turns = strained or bool(_excess(local, mask, 0.0) >= ROTATES)
                 taken[box] |= (near == k) & turns
                 yield _Patch(local, mask, (near == k) | (near == 0), box, level, strained, turns)
-
-
-def _closed(mask: ndarray, away: ndarray) -> bool:
-    """Whether a region ends before what is not `away` from walls and the plane's border."""
-    return not (cv2.dilate(mask.astype(np.uint8), _CROSS)[~away]).any()
 
 
 def _excess(c: _Criteria, mask: ndarray, strained_peak: float) -> ndarray:
