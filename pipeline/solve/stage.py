@@ -23,12 +23,9 @@ from piv.files.lock import exclusive
 from piv.files.provenance import versions
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> dict[str, float]:  # fmt: skip
-    """Solve and write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
-
-    `collated`: the ranks share their files.
-    """
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None
+        ) -> dict[str, float]:  # fmt: skip
+    """Solve and write the tables of run/; returns the cost of interrupted runs."""
     if hosts is not None and scene.coupled:
         raise StageError(f"hosts = {hosts}: a coupled run takes this machine alone; leave it out")
     hosts = hosts and hosts.resolve()  # the solver runs in another folder
@@ -55,7 +52,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         if useful < ranks and not quiet:
             print(f"run: {least} cells are too few for {ranks} ranks; {useful} used")
         moving = meshes[0].interval.moving
-        layout = resumable_ranks(cases[0], moving, Ranks(useful, collated and useful > 1), quiet)
+        layout = resumable_ranks(cases[0], moving, Ranks(useful), quiet)
         spent, quality = [], []
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
                   bar_format=BAR) as bar:  # fmt: skip
@@ -93,7 +90,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         "level": scene.level,
         "model": kind,
         "ranks": layout.count,
-        "collated": layout.collated,
         "time_step": step,
         "end_time": end,
         "steps": steps_of(end, step),

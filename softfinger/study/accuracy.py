@@ -203,7 +203,7 @@ def choose(
             raise StageError(
                 f"no measured setting reaches {100 * most_error:.3g} %; the best,"
                 f" {settings[best].level}, is within {100 * errors[best]:.3g} %: give"
-                " that, a part of the stroke (UNTIL=0.2s), or set the scene finer yourself"
+                " that, a part of the stroke (--until 0.2s), or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
     assert most_time is not None
@@ -239,7 +239,7 @@ def make_cheapest(
     """
     error = parse_accuracy(accuracy) if accuracy else None
     time = parse_time(budget, "BUDGET") if budget else None
-    last = parse_time(until, "UNTIL") if until else np.inf
+    last = parse_time(until, "--until") if until else np.inf
     path, warning = results_of(open_run(folder).scene)
     if warning:
         print(warning)

@@ -167,7 +167,7 @@ def test_accuracy_and_budget():
     "read, texts",
     [
         (parse_accuracy, ("five", "500%", "0.0.5")),
-        (partial(parse_time, key="UNTIL"), ("10", "0min", "1 year", ".min")),
+        (partial(parse_time, key="--until"), ("10", "0min", "1 year", ".min")),
     ],
 )
 def test_invalid_accuracies_and_budgets_are_refused(read, texts):
