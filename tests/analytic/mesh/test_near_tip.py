@@ -50,7 +50,7 @@ DOWN, DORSAL = np.tile([0.0, -1.0], (3, 1)), np.tile([-1.0, 0.0], (3, 1))
 )
 def test_small_cells_lie_on_each_side_that_the_tip_comes_from(motion, sides):
     places = behind_tip(PARAMETER, TIPS, DOWN, DORSAL, np.array(motion), (0.005, 0.016))
-    wanted = [TIPS + [side * 0.016, -0.005] for side in sides]
+    wanted = [TIPS + np.array([side * 0.016, -0.005]) for side in sides]
     np.testing.assert_allclose(places, np.stack(wanted, axis=1))
 
 
