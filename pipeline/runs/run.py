@@ -16,6 +16,7 @@ from pipeline.formats.kinematics import read_kinematics
 from pipeline.kinematics.camera_window import following, tip_path, unseen_tip
 from pipeline.kinematics.values import kinematics_values
 from pipeline.openfoam.base_case import BASE, template_files
+from pipeline.runs.sources import sources_digest
 from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
@@ -64,7 +65,7 @@ class Run:
         return self.scene.model_dump(mode="json")
 
     def made_from(self, stage: str) -> dict[str, Any]:
-        """Inputs of a stage: version, numbers, digests of files and of the results that it reads.
+        """Inputs of a stage: version, numbers, digests of files, of results that it reads, of code.
 
         Keys without a value are omitted, so that a new optional key makes no result stale.
         """
@@ -83,7 +84,8 @@ class Run:
             files.pop("motion.states", None)  # the result of the stage fea, an input
         inputs = {name: self.digest(name) for name in self.inputs(step)}
         version = step.version + (step.coupled_version if self.scene.coupled else 0)
-        return {"version": version, "numbers": numbers, "files": files, "inputs": inputs}
+        made = {"version": version, "numbers": numbers, "files": files, "inputs": inputs}
+        return made | ({"sources": sources_digest(step.module)} if step.by_sources else {})
 
     def digest(self, stage: str) -> str:
         """Digest of `made_from`: two results with the same digest are equal."""
@@ -319,4 +321,4 @@ def _difference(was: dict[str, Any], now: dict[str, Any]) -> str:
         for key in sorted(was.get(kind, {}).keys() | now[kind].keys()):
             if was.get(kind, {}).get(key) != now[kind].get(key):
                 return text.format(key)
-    return "this version of the program makes it differently"
+    return "its code changed"

@@ -212,8 +212,8 @@ class Structure(Section):
 
     bending_stiffness: Positive | None = None
     """E I at all pressures, where the bending analysis does not say [N m²]"""
-    damping: Annotated[float, Field(ge=0, le=1)] = 0.004
-    """Of the rubber: stress by rate over stress by strain [s]"""
+    loss_factor: Annotated[float, Field(ge=0, le=1)] = 0.12
+    """Of the rubber: energy lost in a radian of vibration over the energy stored [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled

@@ -34,7 +34,7 @@ motion = {{ max_bend_step_deg = 4.0 }}
 sheet = {{ spacing = 2.1e-3 }}
 camera = {{ density_ppp = 0.03 }}
 piv = {{ window = 48 }}
-structure = {{ damping = 0.005 }}
+structure = {{ loss_factor = 0.1 }}
 vortices = {{ scale = 4e-3 }}
 """
 SPENT = ("wall_time", "resumed")  # numbers of a run that a resumed one does not repeat

@@ -79,6 +79,7 @@ def solve(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         root=centre - 0.5 * LENGTH * FRAME[0],
         water=water,
         model=water,
+        air=water,
         known=True,
     )
     circle = Circle(rest_outline(scene.body) + centre)

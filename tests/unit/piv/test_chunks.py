@@ -17,7 +17,8 @@ from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording
 from piv.sequence.chunks import chunk_path, join, parts_of
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
 
 SHAPE = (64, 80)

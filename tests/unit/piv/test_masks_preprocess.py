@@ -14,7 +14,8 @@ from piv.formats.plane_series import read_plane
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import piv
 
 

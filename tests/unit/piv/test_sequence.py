@@ -17,8 +17,9 @@ from piv.formats.plane_series import read_plane
 from piv.formats.recording import RecordingWriter
 from piv.formats.resumable import SeriesWriter
 from piv.images.open_recording import open_recording
+from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.multiframe import correlate_frames
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
 
 SHAPE = (96, 128)
