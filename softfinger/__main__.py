@@ -28,6 +28,7 @@ from softfinger.options import (
 )
 from softfinger.study.command import job, schedule, study, tradeoff
 
+_UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its errors, as 0.2s."
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 

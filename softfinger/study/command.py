@@ -18,14 +18,12 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _SNAKEMAKE = _PACKAGE.parent / ".venv-study" / "bin" / "snakemake"
 _RETRIES = "5"  # of a job that reaches its time limit; it resumes
 
-Names = Annotated[str, Parameter(help="Names of some of its runs.")]
-
 
 def study(
     table: Annotated[Path, Parameter(help="Runs (.csv), as cases/single_finger/studies/x.csv.")],
     *,
     scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
-    only: Names = "",
+    only: Annotated[str, Parameter(help="Names of some of its runs.")] = "",
     slurm: Slurm = False,
     snakemake: SnakemakeFlags = "",
 ) -> Path:
@@ -50,7 +48,11 @@ def study(
     return plan
 
 
-def tradeoff(scene: SceneFolder = Path("cases/single_finger"), *, only: Names = "") -> None:
+def tradeoff(
+    scene: SceneFolder = Path("cases/single_finger"),
+    *,
+    only: Annotated[str, Parameter(help="Names of some of its runs.")] = "",
+) -> None:
     """Measure the cost of accuracy, which ACCURACY and BUDGET need; hours.
 
     A scene without a studies/tradeoff.csv takes that of the scene that it extends.
