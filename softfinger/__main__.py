@@ -32,6 +32,7 @@ _UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its error
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
+_UNTIL = "Last stage: see softfinger stages; with --accuracy: when it no longer counts, as 0.2s."
 app = App(
     "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
 )
