@@ -5,6 +5,7 @@ import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,11 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
     cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
     end = _up(times[-1] - times[0] + SMOOTHING, _WHOLE)
-    slower, coupled = _pace(own, shipped, chambers, end)
+    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
+    with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
+        table = Path(place) / "pressure.csv"
+        write_text(table, f"t,p\n{history}")
+        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end)
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -104,7 +109,6 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "sheet": "" if slower == 1 else _SHEET.format(shipped.sheet.rate_hz / slower),
         "levels": _of_levels(own, shipped, slower),
     }
-    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
         (folder / "scene.toml", _TEXT.format(**values)),
