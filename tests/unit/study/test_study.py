@@ -105,7 +105,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
         ("a, tiny, solve, 1, , , 4d, \n", "run a: "),
         ("a, tiny, solve, 1, , 3e-4, , \n", "numerics.time_step"),
         ("a, tiny, solve, 1, perhaps, , , \n", "may_fail = 'perhaps'"),
-        ("a, tiny, solve, 1, no, , , , 7, 8\n", "more cells than columns"),
+        ("a, tiny, solve, 1, no, , , , 7, 8\n", "has 10 cells, the first row 8"),
     ],
 )
 def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str) -> None:
@@ -183,3 +183,10 @@ def test_a_value_is_written_as_in_json_or_as_in_the_scene() -> None:
     assert parse_cell('[{"pressure_kpa": 20.0, "start": 0.1}]') == stroke
     assert parse_cell("[{ pressure_kpa = 20.0, start = 0.1 }]") == stroke
     assert (parse_cell("1e-3"), parse_cell("LUST"), parse_cell("true")) == (1e-3, "LUST", True)
+
+
+@pytest.mark.parametrize("name", ["a b", "a$(touch made)b", "o'brien", "a{b}"])
+def test_a_folder_whose_name_a_shell_or_snakemake_would_read_is_refused(tmp_path, name) -> None:
+    scene = write_scene(tmp_path / name)
+    with pytest.raises(StageError, match=r"jobs need paths of letters.*rename the folder"):
+        planned(scene.folder, "a, tiny, mesh, 1, , , , \n")
