@@ -7,7 +7,7 @@ NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
 TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
-    bench-piv clean
+    bench-piv evidence clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
