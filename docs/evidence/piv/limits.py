@@ -106,10 +106,10 @@ def measured(limit: Limit, first: int) -> list[Errors]:
 
     parts = []
     for seed in range(first, first + limit.pairs):
-        pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
+        a, b = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
         if mask is not None:
-            pair = tuple(np.where(mask, 5, image).astype(image.dtype) for image in pair)
-        field = correlate_pair(*pair, mask=mask, **limit.piv)
+            a, b = (np.where(mask, 5, image).astype(image.dtype) for image in (a, b))
+        field = correlate_pair(a, b, mask=mask, **limit.piv)
         parts.append(judged(field, limit.flow, counts))
     return parts
 

@@ -45,7 +45,7 @@ def main() -> None:
 
 def judge(part: str | None) -> list[dict[str, Any]]:
     """Collect the endings, evaluate the pictures, write the tables; return the faults."""
-    made = {"date": datetime.now(UTC).date().isoformat()}
+    made: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()}
     made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
     if part != "images":
