@@ -20,9 +20,9 @@ from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 pytestmark = pytest.mark.openfoam
 
 
-def made(project: Path, scene: str) -> Path:
-    """Make a scene; the folder of its results."""
-    done = make(project, scene)
+def made(project: Path, scene: str, stage: str = "") -> Path:
+    """Make a scene, up to its page or a stage; the folder of its results."""
+    done = make(project, scene + stage)
     assert done.returncode == 0, done.stderr[-3000:]
     return project / "cases" / scene / "out" / "smoke"
 
@@ -115,7 +115,7 @@ def test_a_second_make_does_nothing_and_a_number_redoes_what_follows(finger, pro
 
 
 def test_deflation_draws_the_water_up_along_the_fingers_trace(project):
-    out = made(project, "single_deflate")
+    out = made(project, "single_deflate", ".compare")
     upward = [check for name, check in checks_of(out).items() if "upward" in name]
     assert upward
     assert all(c["met"] for c in upward), [c["measured"] for c in upward]
@@ -218,7 +218,7 @@ def test_more_ranks_than_cores_still_finish(project):
     case = project / "cases" / "dense"
     case.mkdir()
     (case / "scene.toml").write_text(DENSE)
-    done = make(project, "dense.run", "LEVEL=dense", "NP=4")
+    done = make(project, "dense.solve", "LEVEL=dense", "NP=4")
     assert done.returncode == 0, done.stderr[-3000:]
     run = read(case / "out" / "dense" / "run" / "run.json")
     assert run["cells"] >= 4 * 5000  # a smaller mesh gets fewer ranks
