@@ -41,7 +41,7 @@ help: ## this list
 	@echo "    reference (hours)"
 	@echo "    NP=4 MPI ranks"
 	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
-	@echo "    COUPLED=1: pressure and water make the motion together"
+	@echo "    COUPLED=1: pressure and water make the motion together, COUPLED=0: it is prescribed"
 	@echo "    SLURM=1: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-22s%s\n", $$1, $$2}'

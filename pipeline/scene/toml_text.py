@@ -15,17 +15,27 @@ _EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … sta
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a file; StageError where it is no TOML."""
-    content = read_regular(path, _MOST)
+    tables, empty = read_template(path)
+    if empty:
+        raise StageError(
+            f"{path}: no value is given for {', '.join(empty)}; give one, or take the line away"
+        )
+    return tables
+
+
+def read_template(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """The tables of a file, and the dotted names of its keys that have no value yet."""
+    content, empty = read_regular(path, _MOST), list[str]()
     try:
         text = content.decode("utf-8-sig")
-        table = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
+        try:
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError:
+            if not (empty := _keys_without_value(text)):
+                raise
+            lines = [line for line in text.splitlines() if not _EMPTY.match(line)]
+            table = tomllib.loads("\n".join(lines))
     except (ValueError, RecursionError) as error:  # of an integer of 4,400 digits too
-        if empty := _keys_without_value(text):
-            raise StageError(
-                f"{path}: no value is given for {', '.join(empty)}; give one, or take the line away"
-            ) from None
         raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
     inner: list[Any] = [table]
     for _ in range(_DEEPEST):
@@ -33,7 +43,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         inner = [v for found in values for v in found if isinstance(v, dict | list)]
     if inner:
         raise StageError(f"{path}: its tables lie more than {_DEEPEST} deep; no scene's do")
-    return table
+    return table, empty
 
 
 def _keys_without_value(text: str) -> list[str]:

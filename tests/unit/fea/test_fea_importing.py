@@ -190,3 +190,16 @@ def test_the_export_script_writes_what_is_imported(tmp_path, monkeypatch):
     states = imported(tmp_path, Import(file="nodes.csv"), WIDTH)
     np.testing.assert_allclose(states.pressure, [5e3, 10e3, 20e3])
     np.testing.assert_allclose(states.radius, [0.08, 0.04, 0.03], rtol=1e-5)
+
+
+def test_a_ventral_axis_of_the_wrong_sign_is_refused(tmp_path):
+    """It passed as a finger 0.016 mm thick that bends by −110°, and the mesh failed later."""
+    results = write_nodes(tmp_path).model_copy(update={"ventral": "-y"})
+    with pytest.raises(ValueError, match=r"profile lies on the side of the chambers.*other sign"):
+        imported(tmp_path, results, WIDTH)
+    results = write_vtu(tmp_path).model_copy(update={"ventral": "-y"})
+    with pytest.raises(ValueError, match=r"bends by -\d+°, against the ventral side"):
+        imported(tmp_path, results, WIDTH)
+    results = write_profiles(tmp_path).model_copy(update={"thickness": 1.6e-5})
+    with pytest.raises(ValueError, match=r"0\.016 mm thick and .* as no finger is"):
+        imported(tmp_path, results, WIDTH)

@@ -108,6 +108,24 @@ def test_a_history_that_begins_with_a_jump_of_its_slope_is_smoothed_or_warned_of
         assert ("p.csv begins with a jump of its slope" in text) is warned
 
 
+def test_a_sensor_a_little_beyond_the_states_is_clipped_and_named(tmp_path, capsys):
+    """States from 0 kPa, and −13 Pa at rest; 1 % of their range is 200 Pa."""
+    (tmp_path / "s.csv").write_text(csv_of(GOOD))
+    (tmp_path / "p.csv").write_text("t,p\n0,-13\n0.05,-13\n0.3,15000\n")
+    more = STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"').replace("strokes", "#")
+    scene = write_scene(
+        tmp_path / "scene", more=f'{more}\npressure_csv = "{tmp_path / "p.csv"}"\nend_time = 0.3\n'
+    )
+    scene.out.mkdir(parents=True)
+    run(scene)
+    assert "warning" in (text := capsys.readouterr().out)
+    assert "p.csv is up to 0.013 kPa beyond the states of 0 to 20 kPa: it is clipped" in text
+    assert kinematics_values(scene)["pressure"].min() == 0.0
+    (tmp_path / "p.csv").write_text("t,p\n0,-300\n0.3,15000\n")
+    with pytest.raises(StageError, match=r"runs over -0\.3"):
+        kinematics_values(scene)
+
+
 def test_a_length_that_the_states_contradict_is_refused(tmp_path):
     with pytest.raises(StageError, match=r"finger\.length = 0\.06 m but the states"):
         motion_of(write_scene(tmp_path / "s", more="[finger]\nlength = 0.06\n"))

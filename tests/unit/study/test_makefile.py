@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 from tests.inner_make import inner_environment
 
 TEXT = (ROOT / "Makefile").read_text(encoding="utf-8")
 TARGETS = set(re.findall(r"(?m)^([a-z][a-z-]*):(?!=).*##", TEXT))
-SCENES = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")}
+SCENES = {path.parent.name for path in CASES.glob("*/scene.toml")}
 
 
 def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
