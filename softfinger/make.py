@@ -19,7 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.openfoam.environment import die_with_parent
+from pipeline.openfoam.environment import die_with_parent, environment_in
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, take_over, targets
 from pipeline.runs.stages import BY_NAME, FEA, Stage, until
@@ -102,6 +102,8 @@ def make(
     check_own(run.out)
     run.check(target)
     waiting = list(run.stale(target))
+    if "solve" in waiting:
+        environment_in(run.out)  # that OpenFOAM is there and takes this path, before any work
     if not quiet:
         for remark in run.scene.remarks():
             print(remark, flush=True)
