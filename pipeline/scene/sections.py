@@ -304,7 +304,7 @@ class Numerics(Section):
     """Of a step"""
     non_orthogonal_correctors: Annotated[Whole, Field(ge=0, le=10)] = 1
     """Of each pressure correction"""
-    max_courant: Annotated[Positive, Field(le=100)] = 20.0
+    max_courant: Annotated[Positive, Field(ge=0.01, le=100)] = 20.0
     """Courant number at which the run is stopped"""
 
     def sampling_steps(self, rate_hz: float) -> int:
