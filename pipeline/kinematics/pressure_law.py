@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.scene.sections import SMOOTHING
 from piv.files.errors import StageError
 
+_ATMOSPHERE = 90e3  # Pa, or more: at rest no finger has so much
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
 
@@ -57,6 +58,17 @@ def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
     if smoothing:
         return _averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
+
+
+def absolute(path: Path) -> str:
+    """A remark on a history that begins as absolute pressures do; "" on another."""
+    start = float(measured_table(path, "t,p", "s and Pa", least=2)[1][0])
+    if start < _ATMOSPHERE:
+        return ""
+    return (
+        f"{path} begins at {start / 1e3:.4g} kPa, as absolute pressures do: a finger's is against"
+        " the water around it; subtract the pressure at rest"
+    )
 
 
 def measured_table(path: Path, header: str, units: str, least: int = 3) -> tuple[ndarray, ndarray]:
