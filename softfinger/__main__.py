@@ -32,6 +32,7 @@ _UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its error
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
+_UNTIL = "Last stage: see softfinger stages; with --accuracy: when it no longer counts, as 0.2s."
 app = App(
     "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
 )
@@ -219,7 +220,9 @@ def new(
 @app.command
 def compare(
     scene: SceneFolder,
-    dpiv: Annotated[Path | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml.")] = None,
+    dpiv: Annotated[
+        str | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml; of repeats several.")
+    ] = None,
     *,
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(help="Vary uncertain inputs.")] = True,
@@ -244,7 +247,8 @@ def compare(
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
     run_ = open_moved(scene, level, coupled)
-    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    folders = [Path(dpiv)] if Path(dpiv).exists() else [Path(part) for part in dpiv.split()]
+    page = compare_with(run_, folders, machine, inputs=inputs, quick=quick, quiet=quiet)
     print(f"report: {page.resolve()}")
 
 

@@ -5,13 +5,15 @@ import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
-from pipeline.kinematics.pressure_law import absolute, measured_law, measured_table
+from pipeline.formats.user_tables import read_history
+from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
@@ -70,12 +72,16 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     """
     shipped = load_scene(parent)
     actuator, _ = sections(shipped)
-    times, pressure = measured_table(own.pressure, "t,p", "s and Pa", least=2)
+    times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
     cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
     end = _up(times[-1] - times[0] + SMOOTHING, _WHOLE)
-    slower, coupled = _pace(own, shipped, chambers, end)
+    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
+    with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
+        table = Path(place) / "pressure.csv"
+        write_text(table, f"t,p\n{history}")
+        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end)
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -103,7 +109,6 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "sheet": "" if slower == 1 else _SHEET.format(shipped.sheet.rate_hz / slower),
         "levels": _of_levels(own, shipped, slower),
     }
-    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
         (folder / "scene.toml", _TEXT.format(**values)),

@@ -184,7 +184,7 @@ def pressure_law(motion: Motion, folder: Path) -> PressureLaw:
         return recorded_law(folder / str(motion.recording), motion.recording_factor)
     if motion.pressure_csv:
         span = SMOOTHING if motion.smoothing is None else motion.smoothing
-        return measured_law(folder / motion.pressure_csv, span)
+        return measured_law(folder / motion.pressure_csv, span, motion.end_time)
     strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
     return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
 

@@ -9,9 +9,9 @@ from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from softfinger.new_scene import Own, advice, lengths, write_scene
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
-PARENT = ROOT / "cases" / "single_finger"
+PARENT = CASES / "single_finger"
 RAMP = "t,p\n3.0,0\n3.5,15000\n"
 
 
@@ -117,7 +117,7 @@ def test_lengths_have_a_unit():
 
 
 def test_a_parent_without_levels_of_its_own_gives_its_parents_levels(tmp_path):
-    parent = ROOT / "cases" / "single_deflate"
+    parent = CASES / "single_deflate"
     (tmp_path / "p.csv").write_text("t,p\n0,0\n0.05,30000\n")
     own = Own(0.05, 0.02, tmp_path / "p.csv", (0.4, 0.25, 0.08))
     scene = write_scene(tmp_path / "mine", own, parent)
