@@ -125,10 +125,12 @@ def outcome(scene: Scene) -> tuple[str, str]:
     comparison, run = COMPARISON.read(out / "comparison.json"), RUN.read(out / "run" / "run.json")
     trial = trust.level_error([scene.folder, *scene.parents], scene.level).trial
     seconds = sum(cost["wall_time"] for cost in _costs(files.out, run["wall_time"]))
+    warning = run["power_balance"].get("warning")
+    warned = f". Warning: {warning}" if warning else ""
     return (
         f"{scene.name} at level {scene.level}: {run['cells']} cells ({run['model']}),"
         f" {run['steps']} steps to {scene.motion.end_time:g} s; its stages took"
-        f" {duration(seconds)}, some at the same time",
+        f" {duration(seconds)}, some at the same time{warned}",
         wording.answer(comparison, trial),
     )
 

@@ -7,7 +7,7 @@ import pytest
 
 from postprocess.report.trust import level_error
 from postprocess.report.wording import power_sentence
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 
 TABLE = """# {"format": "tradeoff"}
 run,start_s,end_s,reference,error_circulation,error_centre,error_near_tip,error_force,error
@@ -95,7 +95,7 @@ def test_the_power_balance_in_short():
 
 
 def measured(name: str) -> pd.DataFrame:
-    results = ROOT / "cases" / "single_finger" / "studies" / "results" / f"{name}.csv"
+    results = CASES / "single_finger" / "studies" / "results" / f"{name}.csv"
     return pd.read_csv(results, comment="#").set_index("run")
 
 
