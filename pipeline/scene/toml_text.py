@@ -6,7 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from piv.files.errors import StageError, one_line
+from piv.files.regular import read_regular
 
+_MOST = 2**20  # bytes; the longest scene.toml has 20 thousand
+_DEEPEST = 32
 _EMPTY = re.compile(r"\s*([\w.\"'-]+)\s*=\s*(…|\.\.\.|)\s*(#.*)?$")  # … stands in templates
 
 
@@ -22,18 +25,25 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 def read_template(path: Path) -> tuple[dict[str, Any], list[str]]:
     """The tables of a file, and the dotted names of its keys that have no value yet."""
-    empty: list[str] = []
+    content, empty = read_regular(path, _MOST), list[str]()
     try:
-        text = path.read_text(encoding="utf-8")
+        text = content.decode("utf-8-sig")
         try:
-            return tomllib.loads(text), empty
+            table = tomllib.loads(text)
         except tomllib.TOMLDecodeError:
             if not (empty := _keys_without_value(text)):
                 raise
-        lines = [line for line in text.splitlines() if not _EMPTY.match(line)]
-        return tomllib.loads("\n".join(lines)), empty
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+            lines = [line for line in text.splitlines() if not _EMPTY.match(line)]
+            table = tomllib.loads("\n".join(lines))
+    except (ValueError, RecursionError) as error:  # of an integer of 4,400 digits too
         raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
+    inner: list[Any] = [table]
+    for _ in range(_DEEPEST):
+        values = (part.values() if isinstance(part, dict) else part for part in inner)
+        inner = [v for found in values for v in found if isinstance(v, dict | list)]
+    if inner:
+        raise StageError(f"{path}: its tables lie more than {_DEEPEST} deep; no scene's do")
+    return table, empty
 
 
 def _keys_without_value(text: str) -> list[str]:
