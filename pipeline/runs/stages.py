@@ -104,12 +104,12 @@ STAGES = (
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-        version=7, group="vortices", piv=True, cost=(16, 500), threads=True,
+        version=8, group="vortices", piv=True, cost=(16, 500), threads=True,
     ),
     Stage(
         "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
         ("piv",), ("vortices_piv.csv",), {"vortices": True},
-        version=7, group="vortices", piv=True, cost=(5, 500), threads=True,
+        version=8, group="vortices", piv=True, cost=(5, 500), threads=True,
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",

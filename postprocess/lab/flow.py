@@ -63,7 +63,7 @@ def measure(
     Vectors that are not `seen` do not count. ValueError where no vortex is near the finger's tip.
     """
     counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
-    table = tabulate_vortices(counted, sides.vortices)
+    table = tracks.of_disc(tabulate_vortices(counted, sides.vortices))
     table, times = table[table["bridged"] == 0], plane["time"].values
     track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
     wanted = [*COLUMNS, "radius", *(f"{column}_random_std" for column in COLUMNS)]

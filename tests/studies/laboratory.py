@@ -26,7 +26,7 @@ from piv.formats.plane_series import read_plane
 from piv.formats.recording import RecordingWriter
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
-from postprocess.evidence.tip_vortex import dominant_track
+from postprocess.evidence.tip_vortex import dominant_track, of_disc
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.virtual_experiment import WIDE
 from softfinger.laboratory import compare_with
@@ -96,7 +96,8 @@ def flow_of(nominal: Run, fault: str, folder: Path) -> tuple[Run, xr.Dataset, xr
 def circulation(flow: xr.Dataset, pose: Pose, like: xr.Dataset, tip_width: float) -> pd.Series:
     """Circulation (m²/s) of a flow on the grid and at the instants of a comparison."""
     plane = camera_series(flow, pose, *(like[n].values for n in ("x", "y", "time")))
-    table = tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3))
+    settings = VortexSettings(WIDE * tip_width, correlation_length=6e-3)
+    table = of_disc(tabulate_vortices(plane, settings))
     times = plane["time"].values
     track = dominant_track(table[table["bridged"] == 0], 0, (times[0], times[-1]), "flow")
     return track.set_index("time")["circulation"].reindex(times)

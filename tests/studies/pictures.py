@@ -134,7 +134,7 @@ def vortices(path: Path) -> None:
         for w in find_vortices(plane, scale=HALF_WIDTH / 3):  # a sixth of the tip's width
             place, radius = (w.x * 1e3, w.y * 1e3), w.radius * 1e3
             axis.add_patch(plt.Circle(place, radius, fill=False, lw=2))
-            text = f"{w.circulation * 1e4:.1f} ± {w.circulation_std * 1e4:.1f} cm²/s"
+            text = f"{w.circulation_disc * 1e4:.1f} ± {w.circulation_disc_std * 1e4:.1f} cm²/s"
             above = (place[0], place[1] + radius + 1)
             axis.annotate(text, above, ha="center")
         axis.plot(centre[0] * 1e3, centre[1] * 1e3, "k+", ms=12)

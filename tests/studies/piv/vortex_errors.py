@@ -20,7 +20,7 @@ from tests.studies.pages import libraries, write_study
 from tests.studies.piv.pairs import render_pair
 
 FIRST, CASES = 80001, 600  # the constants of regions.py were set on seeds below 71000
-MEASURES = ("x", "y", "circulation", "radius", "peak_vorticity")
+MEASURES = ("x", "y", "circulation_disc", "radius", "peak_vorticity")
 Case = tuple[xr.Dataset, tuple[float, float, float, float], float]  # plane, vortex, scale
 
 

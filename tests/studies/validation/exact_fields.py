@@ -108,7 +108,7 @@ def _measure_planes() -> list[Check]:
         _check("planes.lamb.centre", "Lamb-Oseen: distance of the centre", gap, 0.01, why, None,
                "px"),
         _check("planes.lamb.circulation", "Lamb-Oseen: circulation within 48 px",
-               found.circulation, 0.01, cells, LAMB_DISC, flux),
+               found.circulation_disc, 0.01, cells, LAMB_DISC, flux),
     ]  # fmt: skip
     for name, field, centre, within, circulation in OTHERS:
         key = name.lower()
@@ -121,7 +121,7 @@ def _measure_planes() -> list[Check]:
         if circulation is not None:
             checks.append(
                 _check(f"planes.{key}.circulation", f"{name}: circulation within 48 px",
-                       found.circulation, 0.01, cells, circulation, flux)
+                       found.circulation_disc, 0.01, cells, circulation, flux)
             )  # fmt: skip
     return checks
 
@@ -155,7 +155,7 @@ def _measure_images() -> list[Check]:
         ]  # fmt: skip
     why = "a use, as above"
     found = [_nearest(find_vortices(_piv(taylor_green, seed)), TG_CENTRE)[0] for seed in SEEDS]
-    ratio = np.mean([v.circulation for v in found]) / CELL_DISC
+    ratio = np.mean([v.circulation_disc for v in found]) / CELL_DISC
     words = "Taylor-Green, PIV: circulation within 48 px, measured / exact"
     checks.append(_check("images.taylor-green.circulation", words, ratio, 0.02, why, 1.0))
     return checks

@@ -133,7 +133,8 @@ def _free(m: Measures, wall: shapely.LinearRing, primary: Measures, length: floa
 
 def _vortex(m: Measures) -> Vortex:
     """For the tracker, which needs place, size and circulation."""
-    return Vortex(*m, *(0.0,) * 8, *(np.nan,) * 9)
+    whole = m.x, m.y, m.circulation, np.nan, m.radius, m.peak_vorticity, m.circulation, np.nan
+    return Vortex(*whole, *(0.0,) * 9, *(np.nan,) * 9)
 
 
 def _runs() -> list[tuple[Layer, Scene]]:
