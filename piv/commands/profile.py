@@ -46,7 +46,11 @@ def run(args: argparse.Namespace) -> None:
         if args.line:
             x0, y0, x1, y1 = args.line
             tables = along_line(series, (x0, y0), (x1, y1), args.points)
-            name, unit, about = "u", velocity, f"on {np.hypot(x1 - x0, y1 - y0):.4g} {length}"
+            name, unit, about = (
+                "u",
+                velocity,
+                f"points on {np.hypot(x1 - x0, y1 - y0):.4g} {length}",
+            )
         else:
             tables = around(series, tuple(args.around), args.radius, args.points)
             name, unit, about = "circulation", circulation_unit(length), "circles"
@@ -62,7 +66,7 @@ def run(args: argparse.Namespace) -> None:
                 largest = max(largest, float(values.max()) if values.count() else 0.0)
     if not args.quiet:
         print(
-            f"{args.output}: {rows} points {about}, {known / rows:.1%} valid, largest |{name}|"
+            f"{args.output}: {rows} {about}, {known / rows:.1%} valid, largest |{name}|"
             f" {largest:.3g} {unit}"
         )
 

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from piv.compiled import compiled
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
-from piv.vortices.regions import Plane
+from piv.vortices.regions import OF_PIV, Plane
 from piv.vortices.settings import VortexSettings
 
 
@@ -61,11 +61,13 @@ def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[tuple[flo
     if not at_once:
         fits = _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
     of = {tuple(f.region): f.fit for f in fits}
-    return [_numbers(of[tuple(r)]) if tuple(r) in of else None for r in regions]
+    alike = 0.0 if p.noise is None else OF_PIV
+    return [_numbers(of[tuple(r)], alike) if tuple(r) in of else None for r in regions]
 
 
-def _numbers(fit: Fit) -> tuple[float, ...]:
+def _numbers(fit: Fit, alike: float) -> tuple[float, ...]:
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0.0))
+    std[2] = np.hypot(std[2], alike * fit.vortices[0, 2])
     return (*fit.vortices[0].tolist(), *std.tolist(), float(fit.explained))
 
 
