@@ -29,6 +29,7 @@ from piv.files.lock import exclusive
 from piv.files.provenance import digest, versions
 from piv.files.record import (
     changed_outputs,
+    check_own,
     check_whole,
     forget,
     forget_run,
@@ -51,23 +52,22 @@ _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Machine:
-    """MPI ranks, parallel threads and stages, MPI host file, one file for all ranks."""
+    """MPI ranks, parallel threads and stages, MPI host file."""
 
     ranks: int = 1
     jobs: int = 1
     hosts: Path | None = None
-    collated: bool = False
 
     def __post_init__(self) -> None:
         if min(self.ranks, self.jobs) < 1:
             raise StageError(f"NP={self.ranks}: give 1 or more")
         if self.hosts is not None and not self.hosts.is_file():
-            raise StageError(f"HOSTS={self.hosts}: no such file; give one with a host per line")
+            raise StageError(f"--hosts {self.hosts}: no such file; give one with a host per line")
 
     def options(self, stage: Stage) -> dict[str, Any]:
         """Options of a stage's function."""
         if stage.ranks:
-            return {"ranks": self.ranks, "hosts": self.hosts, "collated": self.collated}
+            return {"ranks": self.ranks, "hosts": self.hosts}
         if stage is FEA:
             return {"processes": self.jobs}
         return {"threads": self.jobs} if stage.threads else {}
@@ -93,6 +93,7 @@ def make(
     StageError with the sentence of the stage that failed, OSError where the machine is the cause;
     RuntimeError for a defect in a stage.
     """
+    check_own(run.out)
     run.check(target)
     waiting = list(run.stale(target))
     if not quiet:
@@ -151,6 +152,7 @@ def make(
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
     """Make one stage in this process; its inputs exist. Links the files of an equal run."""
     step, begin = BY_NAME[stage], time.monotonic()
+    check_own(run.out)
     run.out.mkdir(parents=True, exist_ok=True)
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
