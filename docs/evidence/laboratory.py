@@ -175,7 +175,7 @@ def stronger(flow: xr.Dataset, gain: float) -> xr.Dataset:
 def circulation(flow: xr.Dataset, pose: Pose, like: xr.Dataset, tip_width: float) -> pd.Series:
     """Circulation (m²/s) of a flow on the grid and at the instants of a comparison."""
     plane = camera_series(flow, pose, *(like[n].values for n in ("x", "y", "time")))
-    table = tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3))
+    table = of_disc(tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3)))
     times = plane["time"].values
     track = dominant_track(table[table["bridged"] == 0], 0, (times[0], times[-1]), "flow")
     return track.set_index("time")["circulation"].reindex(times)
