@@ -78,12 +78,13 @@ def _sourced(bashrc: Path) -> dict[str, str]:
 def environment_in(folder: Path) -> dict[str, str]:
     """The environment for a program started in `folder`: OpenFOAM trusts PWD.
 
-    StageError where the path has a space, which OpenFOAM would drop.
+    StageError where the path has a space or a quote, which OpenFOAM would drop.
     """
     path = str(folder.resolve())
-    if any(c.isspace() for c in path):
+    if any(c.isspace() or c in "\"'" for c in path):
         raise StageError(
-            f"{path}: OpenFOAM reads no path with a space in it; move the project to one without"
+            f"{path}: OpenFOAM reads no path with a space or a quote in it; move the project to one"
+            " without"
         )
     return environment() | {"PWD": path}
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
-from pipeline.scene.obstacle import Obstacle
+from pipeline.scene.obstacle import Obstacle, merge_short_sides
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import merge, read_layers, resolve
@@ -212,9 +212,14 @@ def load_scene(
         "notes": notes,
     }
     try:
-        return Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
+        scene = Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
+        obstacles, remarks = merge_short_sides(scene.obstacle or (), scene.mesh.wall_cell)
+        more = {"obstacle": obstacles or None, "notes": (*notes, *remarks)}
+        return scene.model_copy(update=more) if remarks else scene
     except ValidationError as error:
         raise StageError(f"{path}: {validation_sentence(error, Scene)}") from None
+    except ValueError as error:
+        raise StageError(f"{path}: {error}") from None
     except ArithmeticError as error:
         raise StageError(
             f"{path}: a number is too large or too small ({error}); lengths are in m, times in s"

@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from docs.evidence.examples import NAMES, place, run_example
 from pipeline.formats.finger_loads import read_loads
 from pipeline.openfoam.function_objects import read_function_object
 from piv.formats.plane_series import read_plane
 from tests.axe.check import serious_findings
 from tests.cases.conftest import make
-from tests.conftest import CASES
+from tests.conftest import CASES, ROOT
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
@@ -222,3 +223,20 @@ def test_more_ranks_than_cores_still_finish(project):
     run = read(case / "out" / "dense" / "run" / "run.json")
     assert run["cells"] >= 4 * 5000  # a smaller mesh gets fewer ranks
     assert run["ranks"] == 4
+
+
+@pytest.fixture(scope="module")
+def laid(finger, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    place(folder, finger)
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_draws_its_picture_in_few_lines(laid, name):
+    if name == "study" and not (ROOT / ".venv-study" / ".ready").exists():
+        pytest.skip("Snakemake is not installed: make .venv-study/.ready")
+    script = (ROOT / "docs" / "examples" / f"{name}.py").read_text()
+    assert len(script.splitlines()) <= 30
+    assert f"examples/{name}.png" in (ROOT / "docs" / "gallery.md").read_text()
+    assert run_example(name, laid).stat().st_size > 5_000  # an empty picture has less

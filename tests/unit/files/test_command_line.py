@@ -222,3 +222,19 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path):
     path = tmp_path / "none" / "a.h5"
     with pytest.raises(FileNotFoundError, match="make it first"), exclusive(path):
         pass
+
+
+@pytest.mark.parametrize("streams", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_closed_streams_are_no_fault(tmp_path, streams):
+    command = f"{sys.executable} -m softfinger stages {streams}"
+    done = subprocess.run(["sh", "-c", command], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("program", ["softfinger", "piv"])
+def test_too_low_a_limit_of_memory_is_one_sentence(program):
+    """OpenBLAS interrupts a process that may start no thread, which said "run it again"."""
+    command = f"ulimit -v 350000; exec {sys.executable} -m {program} --help"
+    done = subprocess.run(["sh", "-c", command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "not enough memory: ulimit -v gives 358 MB; give at least 2000\n"

@@ -5,7 +5,10 @@ from pathlib import Path
 
 import pytest
 
+import softfinger.study.plan
+import softfinger.study.table
 from pipeline.runs.run import run_of
+from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.files.record import read_record
 from softfinger import __main__ as program
@@ -13,6 +16,7 @@ from softfinger.make import Machine, make
 from softfinger.study.outcome import write_outcome
 from softfinger.study.plan import describe, plan_study, run_job
 from softfinger.study.rows import parse_cell, read_study
+from softfinger.study.table import missing_runs, study_table
 from tests.conftest import CASES, ROOT, write_scene
 
 HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
@@ -190,3 +194,33 @@ def test_a_folder_whose_name_a_shell_or_snakemake_would_read_is_refused(tmp_path
     scene = write_scene(tmp_path / name)
     with pytest.raises(StageError, match=r"jobs need paths of letters.*rename the folder"):
         planned(scene.folder, "a, tiny, mesh, 1, , , , \n")
+
+
+def test_one_run_of_a_long_study_reads_the_scene_of_no_other(tmp_path, monkeypatch) -> None:
+    """A table of 10,000 rows was not planned and tabulated in 85 s."""
+    scene, read = write_scene(tmp_path / "small"), []
+    opened = softfinger.study.table.run_of
+    for module in (softfinger.study.plan, softfinger.study.table):
+        monkeypatch.setattr(module, "run_of", lambda row: read.append(row["run"]) or opened(row))
+    rows = "".join(f"r{k}, tiny, mesh, 1, , 5e-4, , \n" for k in range(500))
+    plan = planned(scene.folder, rows, "r5")
+    assert read == ["r5"]
+    table = study_table(plan, missing_runs(plan))
+    assert read == ["r5"]
+    assert list(table["missing"]) == ["not made yet"] * 500
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ('model = "2d"\n', r"model: give a table \(got '2d'\)"),
+        ("[motion]\nstrokes = {a = 1}\n", r"motion.strokes: give a list"),
+        ("[numerics]\nmax_courant = 1e-300\n", "numerics.max_courant: .*greater than or equal"),
+    ],
+)
+def test_a_key_of_another_kind_is_said_in_the_words_of_the_file(tmp_path, text, words) -> None:
+    folder = tmp_path / "s"
+    folder.mkdir()
+    (folder / "scene.toml").write_text(f'extends = "{ROOT / "cases" / "single_finger"}"\n{text}')
+    with pytest.raises(StageError, match=words):
+        load_scene(folder, "smoke")
