@@ -174,7 +174,8 @@ def stronger(flow: xr.Dataset, gain: float) -> xr.Dataset:
 
 def circulation(flow: xr.Dataset, pose: Pose, like: xr.Dataset, tip_width: float) -> pd.Series:
     """Circulation (m²/s) of a flow on the grid and at the instants of a comparison."""
-    plane = camera_series(flow, pose, *(like[n].values for n in ("x", "y", "time")))
+    x, y, at = (like[n].values for n in ("x", "y", "time"))
+    plane = camera_series(flow, pose, x, y, at)
     table = tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3))
     times = plane["time"].values
     track = dominant_track(table[table["bridged"] == 0], 0, (times[0], times[-1]), "flow")
@@ -326,7 +327,7 @@ def main() -> None:
     if asked.coupled:
         moved = {"motion.source": "structure"}
         nominal = open_run(asked.scene, asked.level, moved, coupled_out(nominal.out))
-    command.level_windows = lambda *_: EMPTY  # type: ignore[assignment]
+    command.level_windows = lambda *_: EMPTY
     make(nominal, "kinematics", Machine(), quiet=True)
     folder = nominal.out / "blind"
     for seed in range(asked.first, asked.last + 1):
