@@ -29,7 +29,7 @@ from piv.formats.plane_series import read_plane
 from piv.formats.recording import RecordingWriter
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
-from postprocess.evidence.tip_vortex import dominant_track
+from postprocess.evidence.tip_vortex import dominant_track, of_disc
 from postprocess.lab.level import EMPTY
 from postprocess.lab.page import answer
 from postprocess.lab.pose import Pose, camera_series
@@ -174,8 +174,10 @@ def stronger(flow: xr.Dataset, gain: float) -> xr.Dataset:
 
 def circulation(flow: xr.Dataset, pose: Pose, like: xr.Dataset, tip_width: float) -> pd.Series:
     """Circulation (m²/s) of a flow on the grid and at the instants of a comparison."""
-    plane = camera_series(flow, pose, *(like[n].values for n in ("x", "y", "time")))
-    table = of_disc(tabulate_vortices(plane, VortexSettings(WIDE * tip_width, correlation_length=6e-3)))
+    x, y, at = (like[n].values for n in ("x", "y", "time"))
+    plane = camera_series(flow, pose, x, y, at)
+    settings = VortexSettings(WIDE * tip_width, correlation_length=6e-3)
+    table = of_disc(tabulate_vortices(plane, settings))
     times = plane["time"].values
     track = dominant_track(table[table["bridged"] == 0], 0, (times[0], times[-1]), "flow")
     return track.set_index("time")["circulation"].reindex(times)
@@ -326,7 +328,7 @@ def main() -> None:
     if asked.coupled:
         moved = {"motion.source": "structure"}
         nominal = open_run(asked.scene, asked.level, moved, coupled_out(nominal.out))
-    command.level_windows = lambda *_: EMPTY  # type: ignore[assignment]
+    command.level_windows = lambda *_: EMPTY
     make(nominal, "kinematics", Machine(), quiet=True)
     folder = nominal.out / "blind"
     for seed in range(asked.first, asked.last + 1):

@@ -57,7 +57,7 @@ def session(browser: Browser, folder: Path) -> str:
         until(browser, "saved", "1 polygon")
         browser.screenshot(folder / "view_mask.png")
     correlate(run, vectors, {"mask": str(drawn), "rate": 500.0, "scale_mm_per_px": 0.1}, quiet=True)
-    with serving(vectors, "--images", run) as address:
+    with serving(vectors, "--images", run, "-o", folder / "other.json") as address:
         browser.open(address)
         ready(browser)
         browser.run("$('every').value = 2; $('length').value = 2.5; $('vortices').click()")

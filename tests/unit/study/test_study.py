@@ -221,6 +221,6 @@ def test_one_run_of_a_long_study_reads_the_scene_of_no_other(tmp_path, monkeypat
 def test_a_key_of_another_kind_is_said_in_the_words_of_the_file(tmp_path, text, words) -> None:
     folder = tmp_path / "s"
     folder.mkdir()
-    (folder / "scene.toml").write_text(f'extends = "{ROOT / "cases" / "single_finger"}"\n{text}')
+    (folder / "scene.toml").write_text(f'extends = "{CASES / "single_finger"}"\n{text}')
     with pytest.raises(StageError, match=words):
         load_scene(folder, "smoke")
