@@ -31,6 +31,7 @@ _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _FILLED = 0.9  # of the tank's height: the experiment's
 _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
+_LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over that of a side wall
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
@@ -72,6 +73,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     """
     shipped = load_scene(parent)
     actuator, _ = sections(shipped)
+    _check_section(own, shipped.finger.thickness, actuator.b1)
     times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
@@ -127,6 +129,21 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         folder.rmdir() if new else None
         raise
     return scene
+
+
+def _check_section(own: Own, thickness: float, side_wall: float) -> None:
+    """StageError where the shipped cross-section (m) makes no finger of this size."""
+    for option, size, least in (
+        ("--length", own.length, _LEAST_SLENDER * thickness),
+        ("--width", own.width, _LEAST_CAVITY * side_wall),
+    ):
+        if size < least * (1 - 1e-9):
+            raise StageError(
+                f"{option}: {1e3 * size:g} mm is too little for the paper's cross-section,"
+                f" {1e3 * thickness:g} mm thick with side walls of {1e3 * side_wall:g} mm; give at"
+                f" least {1e3 * least:g} mm, or your own section: softfinger new with --extends"
+                " alone, then [actuator], finger.thickness and mesh of the levels"
+            )
 
 
 def _placed(own: Own) -> dict[str, Any]:

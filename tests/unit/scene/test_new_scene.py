@@ -86,6 +86,8 @@ def test_pressure_and_water_move_an_own_finger_unless_it_is_prescribed(tmp_path)
     "change, words",
     [
         ({"length": 0.22}, r"hangs? .* give a higher one, at least 278 mm"),
+        ({"length": 0.01}, r"--length: 10 mm is too little .* 14\.5 mm thick .* at least 29 mm"),
+        ({"width": 0.004}, r"--width: 4 mm is too little .* side walls of 2 mm; give at least 5"),
         ({"width": 0.3}, r"finger\.width = 0\.3 m does not fit"),
         ({"rows": "t,p\n0,0\n0.5,15\n"}, "looks like kPa"),
         ({"rows": "t,p\n0,5000\n0.5,5000\n"}, "never changes"),
