@@ -70,6 +70,7 @@ def test_bad_options_are_refused_in_one_sentence(pair, name, value):
     dead=st.booleans(),
 )
 @example(rows=39, columns=59, window=16, spacing=3, kind=np.uint8, dead=False)
+@example(rows=32, columns=32, window=16, spacing=17, kind=np.uint8, dead=False)
 def test_any_size_gives_a_whole_plane_or_one_sentence(rows, columns, window, spacing, kind, dead):
     rng = np.random.default_rng(rows * 1000 + columns)
     a = (rng.random((rows, columns)) * 200).astype(kind)
@@ -78,6 +79,10 @@ def test_any_size_gives_a_whole_plane_or_one_sentence(rows, columns, window, spa
     options = {"window": window, "spacing": spacing, "mask": mask}
     if min(rows, columns) < max(32, window):
         with pytest.raises(ValueError, match="too small"):
+            correlate_pair(*arguments, **options)
+        return
+    if min(rows, columns) < 2 * spacing:
+        with pytest.raises(ValueError, match="two vectors"):
             correlate_pair(*arguments, **options)
         return
     ds = correlate_pair(*arguments, **options)
