@@ -21,12 +21,12 @@ BOX = 7  # px at half resolution: of the local mean
 # the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
 # halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
-SURE = 2.0  # standard errors that are taken off the signal
+SURE = 1.5  # standard errors that are taken off the signal
 _TAPERED = 2.25  # frequencies of a tapered tile per independent one: 1.5 each way of Hann's window
 # px²: fall of the log of the spectrum with the squared frequency, of images 2.5 px wide (π² d²/4),
 # and standard error of a fitted one that is as good as that: pairs that correlate have 1 to 4, few
 # particles in noise 7 to 60
-_USUAL, _POOR = 15.0, 5.0
+_USUAL, _POOR = 15.0, 7.0
 _LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
@@ -175,7 +175,7 @@ def _folded_share(frequency: ndarray, signal: ndarray) -> ndarray:
     (fall, _), ((variance, _), _) = np.polyfit(
         frequency[fit] ** 2, np.log(signal[fit]), 1, cov=True
     )
-    share = 1 / (1 + (variance / _POOR**2) ** 2)
+    share = 1 / (1 + (variance / _POOR**2) ** 4)
     slope = share * -fall + (1 - share) * _USUAL
     return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 

@@ -9,32 +9,29 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from piv.correlation.options import WINDOW, Options
+from piv.correlation.options import Options
 from piv.formats.plane_series import MASKED, OUTLIER, SECOND_PEAK, UNCERTAIN, VALID
 
 _ENOUGH = 0.5  # of the vectors that are not masked, uncertain ones counted half
-_BETTER = 0.1  # more of them make another way the better one
 _CHANCE = 0.2  # with fewer, an uncertain vector may be anything
 
 Correlate = Callable[[Any, Any, Options], xr.Dataset]
 
 
 def best_of(a: Any, b: Any, options: Options, correlate: Correlate) -> xr.Dataset:
-    """The result of `correlate`, or of another way where it explains more of the pictures.
+    """The result of `correlate`, or of the first other way that explains enough of the pictures.
 
-    Ways: without what stands still in the pair (the lesser of both grey values), a larger window, a
-    smaller and a larger search. Attribute `retried` names the way that was taken. Uncertain vectors
-    are rejected where no way explains enough.
+    Ways: without what stands still in the pair (the lesser of both grey values), a smaller and a
+    larger search. Attribute `retried` names the way that was taken. Uncertain vectors are rejected
+    where no way explains enough, and the first hardly anything. A larger window is no way: where it
+    holds few particles, too, one valid vector in twenty was wrong.
     """
-    best = correlate(a, b, options)
-    if _explained(best) >= _ENOUGH:
-        return best
-    taken = ""
+    field = correlate(a, b, options)
+    if _explained(field) >= _ENOUGH:
+        return field
     still = np.minimum(np.asarray(a, np.float32), np.asarray(b, np.float32))
-    larger = min(1.5 * options.window, WINDOW[1], min(still.shape))
     ways: dict[str, tuple[Any, Any, Options]] = {
         "background from the pair": (a - still, b - still, options),
-        f"window {larger:g} px": (a, b, replace(options, window=larger)),
     }
     for search in (options.search // 2, 2 * options.search):
         if 16 <= search <= 1024:
@@ -44,13 +41,11 @@ def best_of(a: Any, b: Any, options: Options, correlate: Correlate) -> xr.Datase
             other = correlate(*way)
         except ValueError:  # nothing moves in the pair
             continue
-        if _explained(other) > _explained(best) + _BETTER:
-            best, taken = other, name
-        if _explained(best) >= _ENOUGH:
-            break
-    if _explained(best) < _CHANCE:
-        best = _without_uncertain(best)
-    return best.assign_attrs(retried=taken) if taken else best
+        if _explained(other) >= _ENOUGH:
+            return other.assign_attrs(retried=name)
+    if _explained(field) < _CHANCE:
+        field = _without_uncertain(field)
+    return field
 
 
 def _explained(field: xr.Dataset) -> float:
