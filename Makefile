@@ -5,26 +5,33 @@ LEVEL    ?= coarse
 SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
-VALUES   := LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION \
-            ACCOUNT RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK
-export $(VALUES)
+VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
+TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
+    bench-piv evidence audit clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
 RUN      := .venv/bin/softfinger
 READY    := .venv/.ready
+DEV      := .venv/.dev
 STUDY    ?=
 PIP       = $1/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r $2
-SCENES   := $(notdir $(patsubst %/scene.toml,%,$(wildcard cases/*/scene.toml)))
 SWITCHES := $(VALUES) SCENE STUDY DOCS PYTHON WM_PROJECT_DIR MAKEFLAGS
 TYPED    := $(foreach v,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $v))),$v))
-export TYPED
 UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
+# Values are text that make does not expand. Recipes read them from the environment, in quotes.
+$(foreach v,$(filter-out MAKEFLAGS,$(TYPED)),$(eval override $v := $$(value $v)))
+export TYPED SCENE STUDY DOCS $(VALUES)
+
+# A name of another folder could be a command of the shell, or of make, or the name of a target.
+SCENES   := $(filter-out $(TARGETS),$(shell printf '%s\n' cases/*/scene.toml \
+    | LC_ALL=C sed -nE 's|^cases/([A-Za-z0-9_.-]+)/scene\.toml$$|\1|p'))
+OTHERS   := $(filter-out $(SCENES:%=cases/%/scene.toml),$(wildcard cases/*/scene.toml))
+$(if $(OTHERS),$(warning $(OTHERS): left out; rename the folder: A-Z a-z 0-9 _ . - and no target))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study tradeoff predict compare fea validate docs test unit lint \
-    test-slurm faults bench-piv clean $(SCENES)
+.PHONY: $(TARGETS) $(SCENES)
 
 help: ## this list
 	@echo "make SCENE            everything from kinematics to report.html; SCENE is one of"
@@ -32,10 +39,10 @@ help: ## this list
 	@echo "make SCENE.STAGE      up to one stage ($(RUN) stages lists them); SCENE.view: for ParaView"
 	@echo "    LEVEL=smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine and"
 	@echo "    reference (hours)"
-	@echo "    NP=4 MPI ranks, HOSTS=hosts.txt, COLLATED=1; QUIET=1; WHOLE=1 with view: the whole tank"
+	@echo "    NP=4 MPI ranks"
 	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
-	@echo "    COUPLED=1: pressure and water make the motion together"
-	@echo "    SLURM=1 [NODES=.. MINUTES=.. PARTITION=.. ACCOUNT=.. RETRIES=..]: as batch jobs"
+	@echo "    COUPLED=1: pressure and water make the motion together, COUPLED=0: it is prescribed"
+	@echo "    SLURM=1: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-22s%s\n", $$1, $$2}'
 	@echo "All commands and their options: $(RUN) --help"
@@ -51,61 +58,80 @@ $(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)
 # Anything else: a stage of a scene, or a name that the program answers.
 .DEFAULT:
 	@[ -e $(READY) ] || $(MAKE) --no-print-directory setup
-	@$(RUN) target '$@'
+	@$(RUN) target '$(subst ','\'',$@)'
 
 fea: $(READY) ## bending states of the actuator of SCENE
-	@$(RUN) fea cases/$(SCENE)
+	@$(RUN) fea "cases/$$SCENE"
 
-compare: $(READY) ## SCENE against laboratory data: DPIV=folder [QUICK=1: motion alone]
-	@$(RUN) compare cases/$(SCENE)
+compare: $(READY) ## SCENE against laboratory data: DPIV=folder
+	@$(RUN) compare "cases/$$SCENE"
 
-study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv [STUDIES="some runs"]
-	@$(RUN) study "$$STUDY" $(if $(filter command,$(firstword $(origin SCENE))),--scene cases/$(SCENE))
+study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv
+	@$(RUN) study "$$STUDY" $(if $(filter SCENE,$(TYPED)),--scene "cases/$$SCENE")
 
 tradeoff: .venv-study/.ready ## what accuracy costs (hours): ACCURACY and BUDGET need it
-	@$(RUN) tradeoff cases/$(SCENE)
-
-predict: $(READY) ## time of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
-	@$(RUN) predict cases/$(SCENE)
+	@$(RUN) tradeoff "cases/$$SCENE"
 
 validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
-	@$(RUN) study cases/validation/studies/plate_rotating.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
-	@nice $(PY) -m tests.studies.validation
+	@nice $(PY) -m docs.evidence.validation
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
-	@$(PY) -m tests.studies.reference
-	@for scene in $(DOCS); do $(RUN) run cases/$$scene || exit; done
-	@$(PY) -m tests.studies.pictures $(DOCS)
+	@$(PY) -m docs.evidence.reference
+	@for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
+	@$(PY) -m docs.evidence.pictures $$DOCS
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
-	@echo "site: $(CURDIR)/site/index.html"
+	@echo "site: $$PWD/site/index.html"
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
-	@$(PY) -m tests.studies.piv
+	@$(PY) -m docs.evidence.piv
+
+# each with the CPU time that its records or page state; "hours" was never measured nearer
+evidence: .venv-docs/.ready .venv-study/.ready ## all tables and pictures of the docs anew (days)
+	@$(MAKE) validate                                 # 38 min, and hours of the finger's grids
+	@$(MAKE) bench-piv                                # hours
+	@$(MAKE) tradeoff SCENE=single_finger             # hours
+	@$(RUN) study cases/single_finger/studies/stability.csv
+	@$(RUN) study cases/pinch/studies/stability.csv   # 74 runs of both: 15 min
+	@$(PY) -m docs.evidence.stability
+	@$(MAKE) faults                                   # 900 faults: hours
+	@$(PY) -m docs.evidence.laboratory 241 280        # hours
+	@$(RUN) study cases/pinch/studies/variations.csv  # hours
+	@$(PY) -m docs.evidence.pinch
+	@$(PY) -m docs.evidence.ranks
+	@$(MAKE) docs                                     # 1 h
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once
-	@$(PY) -m tests.studies.faults
+	@$(PY) -m docs.evidence.faults
 
 test-slurm: .venv-study/.ready ## a real Slurm of one node, started and stopped by the test (root)
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s
 
-lint: $(READY) ## ruff, mypy and the import rules
+audit: .venv-audit/.ready ## known vulnerabilities of all locked packages (pip-audit)
+	.venv-audit/bin/python -m pip_audit --disable-pip --require-hashes \
+	    $(patsubst %,-r %,$(wildcard requirements*.lock))
+
+lint: $(DEV) ## ruff, mypy and the import rules
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	.venv/bin/lint-imports
 
 test: lint ## the whole test suite
-	$(PY) -m pytest -n $(or $(NP),2) --dist worksteal
+	$(PY) -m pytest -n "$${NP:-2}" --dist worksteal
 
-unit: $(READY) ## the tests that need no OpenFOAM
+unit: $(DEV) ## the tests that need no OpenFOAM
 	$(PY) -m pytest tests/unit tests/analytic tests/golden
 
 clean: ## everything generated by runs; the environments stay
 	rm -rf cases/*/out site .sphinx .snakemake docs/api
+
+$(DEV): requirements-dev.lock | $(READY)
+	$(call PIP,.venv,$<)
+	@touch $@
 
 .venv-%/.ready: requirements-%.lock | $(READY)
 	$(PY) -m venv .venv-$*

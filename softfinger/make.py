@@ -1,5 +1,6 @@
 """Make the stale stages of a run, each in its own process, in parallel where possible."""
 
+import math
 import os
 import resource
 import signal
@@ -18,7 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.openfoam.environment import die_with_parent
+from pipeline.openfoam.environment import die_with_parent, environment_in
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, take_over, targets
 from pipeline.runs.stages import BY_NAME, FEA, Stage, until
@@ -29,6 +30,7 @@ from piv.files.lock import exclusive
 from piv.files.provenance import digest, versions
 from piv.files.record import (
     changed_outputs,
+    check_own,
     check_whole,
     forget,
     forget_run,
@@ -37,8 +39,12 @@ from piv.files.record import (
     write_record,
 )
 
-_TIDY = 5.0  # s for a stage to end by itself after an interruption
+_TIDY = 5.0  # s for a stage to end by itself after an interruption, before another and a kill
+_HOUR = 3600.0  # s of CPU time that any stage may take
+_LONGEST = 50.0  # times its estimate that a stage may take
+_WAITING = 10.0  # times that limit, s by the clock: on a busy machine
 _TICK = 0.5  # s between two checks of the processes
+_END = "simplify the scene, or make its cells larger"
 LOG = "log.txt"  # in a run's folder: what the stages print
 _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
     "images": lambda scene: render_settings(scene.camera, scene.sheet),
@@ -51,23 +57,22 @@ _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Machine:
-    """MPI ranks, parallel threads and stages, MPI host file, one file for all ranks."""
+    """MPI ranks, parallel threads and stages, MPI host file."""
 
     ranks: int = 1
     jobs: int = 1
     hosts: Path | None = None
-    collated: bool = False
 
     def __post_init__(self) -> None:
         if min(self.ranks, self.jobs) < 1:
             raise StageError(f"NP={self.ranks}: give 1 or more")
         if self.hosts is not None and not self.hosts.is_file():
-            raise StageError(f"HOSTS={self.hosts}: no such file; give one with a host per line")
+            raise StageError(f"--hosts {self.hosts}: no such file; give one with a host per line")
 
     def options(self, stage: Stage) -> dict[str, Any]:
         """Options of a stage's function."""
         if stage.ranks:
-            return {"ranks": self.ranks, "hosts": self.hosts, "collated": self.collated}
+            return {"ranks": self.ranks, "hosts": self.hosts}
         if stage is FEA:
             return {"processes": self.jobs}
         return {"threads": self.jobs} if stage.threads else {}
@@ -81,6 +86,7 @@ class _Job:
     process: ForkProcess
     pipe: Connection
     begin: float
+    limit: float  # s of CPU time
     ended: tuple[int, str] | None = None
 
 
@@ -93,8 +99,11 @@ def make(
     StageError with the sentence of the stage that failed, OSError where the machine is the cause;
     RuntimeError for a defect in a stage.
     """
+    check_own(run.out)
     run.check(target)
     waiting = list(run.stale(target))
+    if "solve" in waiting:
+        environment_in(run.out)  # that OpenFOAM is there and takes this path, before any work
     if not quiet:
         for remark in run.scene.remarks():
             print(remark, flush=True)
@@ -137,6 +146,8 @@ def make(
                 job.process.join(_TIDY)
                 if job.process.is_alive():
                     os.kill(job.process.pid or 0, signal.SIGINT)
+                job.process.join(_TIDY)
+                job.process.kill()  # in a library that does not return
                 job.process.join()
             raise
     if failed is not None and failed.ended is not None:
@@ -151,6 +162,7 @@ def make(
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
     """Make one stage in this process; its inputs exist. Links the files of an equal run."""
     step, begin = BY_NAME[stage], time.monotonic()
+    check_own(run.out)
     run.out.mkdir(parents=True, exist_ok=True)
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
@@ -242,18 +254,30 @@ def _expected(run: Run, stage: str, machine: Machine) -> float:
 
 def _start(run: Run, stage: str, machine: Machine) -> _Job:
     here, there = get_context("fork").Pipe(duplex=False)
+    limit = cpu_limit(run, stage)
     process = get_context("fork").Process(
-        target=_child, args=(run, stage, machine, there), name=stage
+        target=_child, args=(run, stage, machine, there, limit), name=stage
     )
     sys.stdout.flush()
     process.start()
     there.close()
-    return _Job(stage, process, here, time.monotonic())
+    return _Job(stage, process, here, time.monotonic(), limit)
 
 
-def _child(run: Run, stage: str, machine: Machine, pipe: Connection) -> None:
-    """Make a stage; sends its lines, exit code and error to the parent through `pipe`."""
+def cpu_limit(run: Run, stage: str) -> float:
+    """CPU time (s) after which a stage counts as endless: generous, by its estimate."""
+    expected = [estimate(run, stage, recorded)[0] for recorded in (True, False)]
+    return max(_HOUR, _LONGEST * max(expected))
+
+
+def _child(run: Run, stage: str, machine: Machine, pipe: Connection, limit: float) -> None:
+    """Make a stage; sends its lines, exit code and error to the parent through `pipe`.
+
+    The kernel ends it after `limit` s of CPU time, wherever it is.
+    """
     die_with_parent()
+    ends = math.ceil(limit)
+    resource.setrlimit(resource.RLIMIT_CPU, (ends, ends + 1))
     sys.stdout = sys.stderr = _Lines(pipe)
     try:
         make_stage(run, stage, machine)
@@ -304,8 +328,9 @@ def _show(bar: tqdm, running: list[_Job], waiting: list[str], seconds: dict[str,
 
 def _end_hung(running: list[_Job], longest: float) -> None:
     for job in running:
-        if time.monotonic() - job.begin > longest and job.ended is None:
-            job.ended = (2, f"is not over after {longest / 60:g} minutes")
+        most = min(longest, _WAITING * job.limit)
+        if time.monotonic() - job.begin > most and job.ended is None:
+            job.ended = (2, f"is not over after {most / 60:g} minutes")
             job.process.kill()
 
 
@@ -324,7 +349,9 @@ def _finished(running: list[_Job], tell: Callable[[_Job, str], None]) -> list[_J
         except EOFError:
             job.process.join()
             code = job.process.exitcode or 0
-            if job.ended is None:
+            if job.ended is None and code == -signal.SIGXCPU:
+                job.ended = (2, f"is not over after {job.limit / 60:g} minutes of CPU time; {_END}")
+            elif job.ended is None:
                 job.ended = (2, f"its process ended with signal {-code}; memory may be short")
             done.append(job)
     return done

@@ -1,21 +1,27 @@
 """Shared fixtures: small scenes made from the shipped ones."""
 
+import atexit
 import os
 import shutil
+import tempfile
 from pathlib import Path
 
 import hypothesis
 import pytest
 
+from docs.evidence.small_scene import ROOT, TINY, meshes_of, write_scene
 from pipeline import case
-from pipeline.formats.kinematics import read_kinematics
-from pipeline.formats.mesh_intervals import IntervalMesh, read_meshes
 from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.finger import FingerMotion, finger_motion
 from pipeline.mesh import stage as mesh
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.scene import Scene
 
-ROOT = Path(__file__).resolve().parent.parent
+__all__ = ["CASES", "ROOT", "TINY", "meshes_of", "motion_of", "prepare", "write_scene"]
+
+# the shipped scenes without results: no test reads or changes those in the user's tree
+CASES = Path(tempfile.mkdtemp(prefix="softfinger_cases_"))
+shutil.copytree(ROOT / "cases", CASES, ignore=shutil.ignore_patterns("out"), dirs_exist_ok=True)
+atexit.register(shutil.rmtree, CASES, ignore_errors=True)
 
 os.environ.pop("TYPED", None)  # the values of the make that runs the tests are not theirs
 
@@ -23,49 +29,28 @@ os.environ.pop("TYPED", None)  # the values of the make that runs the tests are 
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
 
-TINY = """
-extends = "{parent}"
-{more}
-[levels.tiny]
-model = {{ kind = "{kind}" }}
-mesh = {{ wall_cell = 3.5e-3, wall_first_layer = 1.2e-3, wall_layers = 2, \
-tip_cell = 2.2e-3, near_cell = 5e-3, near_distance = 0.01, far_cell = 0.05, \
-edge_layer = 14e-3, sheet_layer = 8e-3, layer_growth = 5 }}
-numerics = {{ time_step = 1e-3, write_interval = 0.01{numerics} }}
-"""
 
-
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that need OpenFOAM are skipped where it is not installed."""
+    """Skip what needs OpenFOAM where it is missing; put long tests first in both halves.
+
+    Two processes begin with a half each, and then take tests from the end of the other's half. So
+    no module with a run that its tests share is divided, and the last tests are short ones.
+    """
     if shutil.which("pimpleFoam") is None:
         missing = pytest.mark.skip(reason="OpenFOAM is not installed")
         for item in items:
             if item.get_closest_marker("openfoam"):
                 item.add_marker(missing)
-
-
-def write_scene(
-    folder: Path,
-    kind: str = "2d",
-    more: str = "",
-    numerics: str = "",
-    parent: str = "single_finger",
-) -> Scene:
-    """A scene of a few hundred cells in `folder` that differs from a shipped one only as said."""
-    folder.mkdir(parents=True, exist_ok=True)
-    text = TINY.format(parent=ROOT / "cases" / parent, kind=kind, more=more, numerics=numerics)
-    (folder / "scene.toml").write_text(text, encoding="utf-8")
-    states = ROOT / "cases" / "single_finger" / "kinematics"
-    (folder / "kinematics").symlink_to(states) if not (folder / "kinematics").exists() else None
-    return load_scene(folder, "tiny")
+    modules = list(dict.fromkeys(item.path for item in items if item.path.parent.name == "cases"))
+    one, other = ([i for i in items if i.path in modules[k::2]] for k in (0, 1))
+    short = [item for item in items if item.path not in modules]
+    rest = max(len(items) // 2 - len(one), 0)
+    items[:] = [*one, *short[:rest], *other, *short[rest:]]
 
 
 def motion_of(scene: Scene) -> FingerMotion:
     return finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
-
-
-def meshes_of(scene: Scene) -> list[IntervalMesh]:
-    return read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 from pipeline.formats.bending_states import BendingStates
+from pipeline.formats.user_tables import read_table
 from piv.files.errors import StageError
 from piv.files.provenance import versions
 
@@ -20,9 +21,13 @@ READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read
 
 
 def bending_states(
-    folder: Path, actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None
+    folder: Path,
+    actuator: Actuator,
+    fea: Fea,
+    done: Callable[[], object] = lambda: None,
+    further: Callable[[BendingStates], tuple[float, ...]] = lambda _: (),
 ) -> BendingStates:
-    """States of the case in `folder`, with their provenance.
+    """States of the case in `folder`, with their provenance; `further` as in `analyse.bend`.
 
     Raises StageError, ValueError or RuntimeError.
     """
@@ -30,7 +35,8 @@ def bending_states(
         states = imported(folder, fea.results, actuator.width)
         solver = f"imported from {fea.results.file}"
     else:
-        states, solver = analyse.bend(actuator, fea, done), f"FElupe {version('felupe')}, unit cell"
+        states = analyse.bend(actuator, fea, done, further=further)
+        solver = f"FElupe {version('felupe')}, unit cell"
         if len(states.pressure) < len(fea.pressures) and not fea.partial:
             ends = f"{states.pressure[0] / 1e3:g} and {states.pressure[-1] / 1e3:g} kPa"
             raise StageError(
@@ -53,7 +59,7 @@ def imported(folder: Path, results: Import, width: float) -> BendingStates:
     path = folder / results.file
     if "*" not in path.name and not path.exists():
         raise StageError(f"{path}: no such file: correct file in [fea.results]")
-    if path.suffix == ".csv" and ",node," not in path.read_text("utf-8"):
+    if path.suffix == ".csv" and "node" not in read_table(path, "nodes or profiles").names:
         profiles = digitised(path, results)
     elif path.suffix in READERS:
         profiles = profiles_of(path, READERS[path.suffix](path, results), results)

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
-from pipeline.openfoam.ranks import Ranks, collated_content
+from pipeline.openfoam.ranks import Ranks
 
 FIELD = "wantedDisplacement"
 PADDING = 3  # frames beyond the last time step
@@ -94,12 +94,9 @@ class Frames:
                 displacement[drives, :2] = moved[nodes]
                 values = b"nonuniform List<vector> " + binary_list(displacement)
             bodies.append(head + values + self._tail)
-        if self._ranks.collated:  # the header stands in the first block only
-            contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
-        else:
-            contents = [_HEADER + body for body in bodies]
-        for folder, content in zip(self._ranks.folders(self._case), contents, strict=True):
+        for folder, body in zip(self._ranks.folders(self._case), bodies, strict=True):
             # thousands of files, so without a sync: the solver refuses one that a power cut emptied
+            content = _HEADER + body
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
 
 

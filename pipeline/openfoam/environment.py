@@ -18,7 +18,6 @@ _INSTALL = "apt-get install openfoam"
 _NEEDED = (
     "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
 )
-COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 _FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "MALLOC_")
 # glibc keeps the memory of fields, which every step takes and frees
@@ -79,12 +78,13 @@ def _sourced(bashrc: Path) -> dict[str, str]:
 def environment_in(folder: Path) -> dict[str, str]:
     """The environment for a program started in `folder`: OpenFOAM trusts PWD.
 
-    StageError where the path has a space, which OpenFOAM would drop.
+    StageError where the path has a space or a quote, which OpenFOAM would drop.
     """
     path = str(folder.resolve())
-    if any(c.isspace() for c in path):
+    if any(c.isspace() or c in "\"'" for c in path):
         raise StageError(
-            f"{path}: OpenFOAM reads no path with a space in it; move the project to one without"
+            f"{path}: OpenFOAM reads no path with a space or a quote in it; move the project to one"
+            " without"
         )
     return environment() | {"PWD": path}
 
@@ -140,7 +140,7 @@ def last_lines(path: Path) -> str:
     return "\n".join(lines[-25:])
 
 
-def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False) -> list[str]:
+def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
     """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
@@ -155,8 +155,7 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
         flags += [word for name in names for word in ("-x", name)]
     else:  # Hydra binds no rank and allows more ranks than cores by itself
         flags = ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
-    files = COLLATED if collated else ()
-    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *files]
+    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel"]
 
 
 @cache

@@ -12,9 +12,9 @@ _SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 
 _COUPLED = 1.4  # CPU time over that of a prescribed run: 1.1 to 1.5 in docs/coupling.md
 
 
-def estimate(run: Run, stage: str) -> tuple[float, float]:
-    """CPU seconds and memory (MB) of a stage."""
-    record = read_record(run.out, stage)
+def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]:
+    """CPU seconds and memory (MB) of a stage; `recorded`: of its last run, where there is one."""
+    record = read_record(run.out, stage) if recorded else None
     if record is not None:
         return float(record["cpu_time"]), record["peak_memory"] / 1e6
     seconds, memory = BY_NAME[stage].cost

@@ -12,8 +12,9 @@ class Stage:
     outputs: patterns of files; the next stages read the first. folders: linked whole into an equal
     run. sections: keys of the scene that the result depends on, True for all; coupled: those that
     it also depends on in a coupled run. version: a new one makes results stale; coupled_version
-    is added in a coupled run. cost: CPU seconds and memory (MB) of single_finger at level coarse,
-    measured; of fea CPU seconds by bending state.
+    is added in a coupled run. by_sources: each change of its code makes results stale, too. cost:
+    CPU seconds and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by
+    bending state.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Stage:
     cost: tuple[float, float] = (0, 0)
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
+    by_sources: bool = False
     temporary: bool = False  # large: may be deleted once its readers are done
 
     @property
@@ -104,35 +106,35 @@ STAGES = (
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-        version=7, group="vortices", piv=True, cost=(16, 500), threads=True,
+        group="vortices", piv=True, cost=(16, 500), threads=True, by_sources=True,
     ),
     Stage(
         "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
         ("piv",), ("vortices_piv.csv",), {"vortices": True},
-        version=7, group="vortices", piv=True, cost=(5, 500), threads=True,
+        group="vortices", piv=True, cost=(5, 500), threads=True, by_sources=True,
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
         ("vortices_cfd", "vortices_piv", "kinematics", "solve", "sheet", "piv"),
         ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv"),
-        {"name": True, "level": True}, version=3, cost=(3, 600),
+        {"name": True, "level": True}, cost=(3, 600), by_sources=True,
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        version=6,
+        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "loss_factor"}},
+        cost=(3, 500), by_sources=True,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
         ("compare", "vortices_cfd", "vortices_piv", "loads", "kinematics", "mesh", "solve", "sheet",
          "images", "piv", "pressure"),
         ("figures/figures.json", "figures/*", "figures/*/*"),
-        version=5, cost=(35, 900), threads=True,
+        cost=(35, 900), threads=True, by_sources=True,
     ),
     Stage(
         "report", "postprocess.report.stage", "the page, report.html",
         ("figures", "compare", "solve"), ("report.html",),
-        {"title": True, "name": True, "level": True}, version=4, cost=(1, 900),
+        {"title": True, "name": True, "level": True}, cost=(1, 900), by_sources=True,
     ),
 )  # fmt: skip
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}

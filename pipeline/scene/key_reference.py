@@ -17,6 +17,14 @@ from pydantic.fields import FieldInfo
 
 from piv.files.errors import suggestion
 
+# in place of the words of pydantic, by its kind of error
+_KINDS = {
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "list_type": "a list",
+}
 _LONGEST = 60  # characters of a wrong value in a message
 _NAMES = {
     float: "number",
@@ -187,10 +195,18 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
                     table, _ = _model_of(table.model_fields[part].annotation)
             near = suggestion(str(name), getattr(table, "model_fields", {}))
             message = f"this key is not known{near or '; check its spelling or remove it'}"
+        elif error["type"] in _KINDS:
+            message = f"give {_KINDS[error['type']]}"
+            if not isinstance(error["input"], dict):
+                message += f" (got {_shortened(error['input'])})"
         elif error["type"] == "missing":
             message = "this key is missing; add it"
         elif error["loc"] and not isinstance(error["input"], dict):
-            value = repr(error["input"])
-            message += f" (got {value if len(value) <= _LONGEST else value[:_LONGEST] + '…'})"
+            message += f" (got {_shortened(error['input'])})"
         sentences.append(f"{key}: {message}" if key else message)
     return sentences
+
+
+def _shortened(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST else text[:_LONGEST] + "…"

@@ -6,11 +6,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import shapely
 from numpy import ndarray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.scene.section import Pair, Positive, Section
 
 _MOST_OBSTACLES = 8
+_MOST_CORNERS = 5000
+_SMOOTH = 30.0  # degrees; a corner that turns less is one of a curve, not the end of a side
+_SHORTEST = 0.5  # of a wall cell; shorter sides are merged
+_POINTS = 2000  # about, of an outline of many sides
 _CIRCLE_POINTS = 720  # before nodes are spread over it
 _EDGE_POINTS = 50  # of a straight side, likewise
 
@@ -31,6 +35,14 @@ class Obstacle(Section):
     depth: Positive | None = None
     """Extent along z; absent: from wall to wall [m]"""
 
+    @field_validator("points", mode="after")
+    @classmethod
+    def _distinct(cls, points: tuple[tuple[float, float], ...] | None) -> Any:
+        """A corner that repeats the one before it is dropped."""
+        if points is None:
+            return None
+        return tuple(b for a, b in pairwise((points[-1], *points)) if a != b) or points[:1]
+
     @model_validator(mode="after")
     def _whole(self) -> "Obstacle":
         needed = {"circle": ("centre", "diameter"), "box": ("centre", "size")}
@@ -40,21 +52,55 @@ class Obstacle(Section):
         for key in ("centre", "diameter", "size", "points"):
             if key not in keys and getattr(self, key) is not None:
                 raise ValueError(f"{key} is not of shape = {self.shape!r}; remove it")
+        if self.points and len(self.points) > _MOST_CORNERS:
+            raise ValueError(f"points: {len(self.points)} corners; give at most {_MOST_CORNERS}")
+        if self.points and shapely.MultiPoint(self.points).convex_hull.area == 0:
+            raise ValueError("points: the corners enclose no area; give three or more that do")
         if not self.polygon.is_valid:
             raise ValueError("points: the sides cross each other; give the corners in order")
         return self
 
     @property
     def pieces(self) -> tuple[ndarray, ...]:
-        """Polylines (point, 2) between its corners, counter-clockwise, head to tail, m."""
+        """Polylines (point, 2) between its corners, counter-clockwise, head to tail, m.
+
+        Corners of a polygon that turn by little are those of a curve, as a circle's.
+        """
         if self.shape == "circle":
             turn = np.linspace(0.5, 2.5, _CIRCLE_POINTS + 1) * np.pi
             circle = np.column_stack([np.cos(turn), np.sin(turn)])
             circle[-1] = circle[0]
             return (self._middle + 0.5 * (self.diameter or 0.0) * circle,)
         ring = shapely.orient_polygons(self.polygon).exterior
-        corners = shapely.get_coordinates(ring)
-        return tuple(np.linspace(a, b, _EDGE_POINTS) for a, b in pairwise(corners))
+        corners = shapely.get_coordinates(ring)[:-1]
+        sides = np.roll(corners, -1, axis=0) - corners
+        ahead = np.arctan2(sides[:, 1], sides[:, 0])
+        turn = np.abs((ahead - np.roll(ahead, 1) + np.pi) % (2 * np.pi) - np.pi)
+        sharp = np.flatnonzero(turn > np.radians(_SMOOTH))
+        ends = sharp if len(sharp) else np.zeros(1, int)
+        count = max(2, min(_EDGE_POINTS, _POINTS // len(corners)))
+        pieces = []
+        for first, last in zip(ends, [*ends[1:], ends[0] + len(corners)], strict=True):
+            line = corners[np.arange(first, last + 1) % len(corners)]
+            parts = [np.linspace(a, b, count) for a, b in pairwise(line)]
+            pieces.append(np.vstack([parts[0], *(part[1:] for part in parts[1:])]))
+        return tuple(pieces)
+
+    def merged(self, wall_cell: float) -> "Obstacle":
+        """The obstacle without the polygon's sides shorter than half a `wall_cell` (m)."""
+        corners = np.array(self.points if self.points else [])
+        while len(corners) > 3:
+            ahead = np.roll(corners, -1, axis=0)
+            length = np.hypot(*(ahead - corners).T)
+            k = int(length.argmin())
+            if length[k] >= _SHORTEST * wall_cell:
+                break
+            corners[(k + 1) % len(corners)] = 0.5 * (corners[k] + ahead[k])
+            corners = np.delete(corners, k, axis=0)
+        if not self.points or len(corners) == len(self.points):
+            return self
+        points = tuple((float(x), float(y)) for x, y in corners)
+        return Obstacle.model_validate(self.model_dump() | {"points": points})
 
     @property
     def polygon(self) -> shapely.Polygon:
@@ -73,6 +119,33 @@ class Obstacle(Section):
     def half_depth(self, tank_depth: float) -> float:
         """Reach in |z|, m."""
         return 0.5 * (self.depth or tank_depth)
+
+
+def merge_short_sides(
+    obstacles: tuple[Obstacle, ...], wall_cell: float
+) -> tuple[tuple[Obstacle, ...], list[str]]:
+    """Obstacles whose sides cells of `wall_cell` (m) can follow, and a remark on each changed one.
+
+    ValueError where the merged sides cross each other.
+    """
+    merged, remarks = [], []
+    for number, thing in enumerate(obstacles):
+        try:
+            merged.append(new := thing.merged(wall_cell))
+        except ValueError:
+            raise ValueError(
+                f"obstacle[{number}].points: its sides shorter than {_SHORTEST:g} mesh.wall_cell"
+                f" = {_SHORTEST * wall_cell:.2g} m cannot be merged; give fewer corners"
+            ) from None
+        if new is not thing:
+            apart = shapely.hausdorff_distance(thing.polygon, new.polygon)
+            count = len(thing.points or ()) - len(new.points or ())
+            remarks.append(
+                f"obstacle[{number}].points: {count} sides shorter"
+                f" than {_SHORTEST:g} mesh.wall_cell = {_SHORTEST * wall_cell:.2g} m are"
+                f" merged; the outline moves by up to {1e3 * apart:.2g} mm"
+            )
+    return tuple(merged), remarks
 
 
 # the walls of the obstacles, in order

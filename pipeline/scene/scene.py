@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
-from pipeline.scene.obstacle import Obstacle
+from pipeline.scene.obstacle import Obstacle, merge_short_sides
 from pipeline.scene.pinch import Pinch, Support
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import merge, read_layers, resolve
@@ -121,6 +121,19 @@ class Scene(Section):
         )
         return self.model_copy(update={"finger": finger})
 
+    @property
+    def load_share(self) -> float:
+        """The share of a plane flow's loads that moves a coupled finger; 1 in space.
+
+        A plane flow goes around the tip alone, and water that goes around the width is lighter. By
+        slender-body theory a finger of length L and width W that turns about its root moves water
+        with π ρ W² L³ / 24 (energy over its rate squared), and a plate of chord L in a plane with
+        9 π ρ W L⁴ / 256. The share is their ratio, 32 W / 27 L, or 1 where the finger is wide.
+        """
+        if self.model.kind != "2d" or self.body is not None:
+            return 1.0
+        return min(1.0, 32 / 27 * self.finger.width / (self.finger.length + self.finger.tip.length))
+
     def pressure_settings(self) -> dict[str, Any]:
         """The settings of `piv pressure`: moments about finger 0's root, or the body's centre."""
         return {
@@ -199,9 +212,14 @@ def load_scene(
         "notes": notes,
     }
     try:
-        return Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
+        scene = Scene(**table, name=folder.name, level=level, folder=folder, **place).placed()
+        obstacles, remarks = merge_short_sides(scene.obstacle or (), scene.mesh.wall_cell)
+        more = {"obstacle": obstacles or None, "notes": (*notes, *remarks)}
+        return scene.model_copy(update=more) if remarks else scene
     except ValidationError as error:
         raise StageError(f"{path}: {validation_sentence(error, Scene)}") from None
+    except ValueError as error:
+        raise StageError(f"{path}: {error}") from None
     except ArithmeticError as error:
         raise StageError(
             f"{path}: a number is too large or too small ({error}); lengths are in m, times in s"

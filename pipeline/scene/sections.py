@@ -212,8 +212,8 @@ class Structure(Section):
 
     bending_stiffness: Positive | None = None
     """E I at all pressures, where the bending analysis does not say [N m²]"""
-    damping: Annotated[float, Field(ge=0, le=1)] = 0.004
-    """Of the rubber: stress by rate over stress by strain [s]"""
+    loss_factor: Annotated[float, Field(ge=0, le=1)] = 0.12
+    """Of the rubber: energy lost in a radian of vibration over the energy stored [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
@@ -249,6 +249,8 @@ class Mesh(Section):
     """From where the tip is: see near [m]"""
     near: Literal["path", "tip"] = "path"
     """All the tip's places; or that of the shape which is meshed, whose cells move with the tip"""
+    near_offset: tuple[Number, Number] = (0.0, 0.0)
+    """With near = "tip", of the small cells' middle: beyond the tip, and behind its motion [m]"""
     far_cell: Positive
     """Largest cell of the tank [m]"""
     edge_layer: Positive = 1.0e-3
@@ -262,7 +264,7 @@ class Mesh(Section):
     planform: Literal["triangles", "quads"] = "triangles"
     """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
-    """Of any cell at any time; a coupled run, which finds its shapes, may exceed it by 5 [deg]"""
+    """Of any cell at any time; a coupled run, which finds its shapes, may exceed it by 8 [deg]"""
     usual_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 70.0
     """Not exceeded for 95 % of the time [deg]"""
     jet_reach: NotNegative = 0.03
@@ -302,7 +304,7 @@ class Numerics(Section):
     """Of a step"""
     non_orthogonal_correctors: Annotated[Whole, Field(ge=0, le=10)] = 1
     """Of each pressure correction"""
-    max_courant: Annotated[Positive, Field(le=100)] = 20.0
+    max_courant: Annotated[Positive, Field(ge=0.01, le=100)] = 20.0
     """Courant number at which the run is stopped"""
 
     def sampling_steps(self, rate_hz: float) -> int:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.openfoam.environment import foam_version
-from pipeline.openfoam.foamfile import field_of, labels_of, read_field
+from pipeline.openfoam.foamfile import field_of, is_complete, labels_of, read_field
 from pipeline.openfoam.function_objects import table_rows, tables
-from pipeline.openfoam.ranks import Ranks, is_whole
+from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from piv.files.errors import StageError
 from piv.files.json_text import read_json
@@ -27,8 +27,7 @@ def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
     points = case / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case}: no mesh; run the case stage first")
-    state = {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
-    return state | ({"collated": True} if ranks.collated else {})
+    return {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
 
 
 def prepared_for(case: Path) -> dict[str, Any]:
@@ -41,8 +40,7 @@ def prepared_for(case: Path) -> dict[str, Any]:
 
 def prepared_ranks(case: Path) -> Ranks:
     """The ranks for which `case` was last prepared; one where it never was."""
-    state = prepared_for(case)
-    return Ranks(state.get("ranks", 1), bool(state.get("collated", False)))
+    return Ranks(prepared_for(case).get("ranks", 1))
 
 
 def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
@@ -64,11 +62,11 @@ def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Rank
 
 def saved_times(case: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
     """Times (s) and folders' names, ascending, with whole files of all ranks, also `wanted`."""
-    of_ranks = [_whole_times(folder, ranks, wanted) for folder in ranks.folders(case)]
+    of_ranks = [_whole_times(folder, wanted) for folder in ranks.folders(case)]
     return sorted((t, n) for t, n in of_ranks[0].items() if all(t in times for times in of_ranks))
 
 
-def _whole_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> dict[float, str]:
+def _whole_times(folder: Path, wanted: tuple[str, ...]) -> dict[float, str]:
     saved = {}
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
@@ -76,7 +74,7 @@ def _whole_times(folder: Path, ranks: Ranks, wanted: tuple[str, ...]) -> dict[fl
             continue
         # old-time fields of the second-order scheme count as well; frames of the motion do not
         files = [path for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"]
-        if all(is_whole(path, ranks) for path in files):
+        if all(is_complete(path) for path in files):
             saved[time] = place.name
     return saved
 

@@ -23,7 +23,6 @@ from pipeline.formats.bending_states import FloatArray
 from pipeline.formats.elastic_motion import FILE, write_elastic_motion
 from pipeline.formats.kinematics import write_kinematics
 from pipeline.formats.mesh_intervals import (
-    PER_FINGER,
     Interval,
     IntervalMesh,
     NodeMotion,
@@ -44,7 +43,7 @@ from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from pipeline.scene.scene import Scene
 from pipeline.structure.coupling import Coupling
-from pipeline.structure.finger import ElasticFinger, Posed
+from pipeline.structure.finger import ElasticFinger, Posed, copies
 from pipeline.structure.water_inertia import forces_of_water
 from piv.files.errors import StageError
 
@@ -67,7 +66,7 @@ class Coupled:
         self.scene = scene
         self.step = scene.numerics.time_step
         self.last = steps_of(scene.motion.end_time, self.step)
-        self.finger = ElasticFinger.of(scene)
+        self.finger, self.copies = ElasticFinger.of(scene), copies(scene)
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
         self.force = np.zeros(self.last + 1)  # of the contact, N
@@ -254,7 +253,7 @@ class Follower:
         file, density = self._guess.planform, run.scene.fluid.density
         gaps = sides(file) == OUTER_PATCHES.index("gap")
         place, force = forces_of_water(
-            file, self._guess.sweep, self.nodes[number], walls, gaps, density
+            file, self._guess.sweep, self.nodes[number], walls, gaps, density, run.copies
         )
         posed = Posed(run.finger, pressure, delta)
         *turned, pushed = -np.array([posed.of_forces(place, one)[1:] for one in force])
@@ -337,9 +336,8 @@ class Follower:
     def _take(self, number: int) -> None:
         """From the sample at the end of a step to the motion of the next."""
         run = self._run
-        density, copies = run.scene.fluid.density, PER_FINGER[run.scene.model.kind]
         posed = Posed(run.finger, *run.state(number))
-        loads, _ = posed.loads(self._surface(number), density, copies)
+        loads, _ = posed.loads(self._surface(number), run.scene.fluid.density, run.copies)
         run.history.take(number, loads[1:])
         self._known = number
         self._advance(number)

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
-from pipeline.openfoam.environment import COLLATED, run_tool
+from pipeline.openfoam.environment import run_tool
 from pipeline.openfoam.foamfile import set_number, write_list
 from pipeline.openfoam.ranks import Ranks
 from pipeline.solve.checkpoint import STATE, case_state, prepared_for
@@ -81,8 +81,7 @@ def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
     write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
     set_number(case, "startTime", time_name(mesh.interval.begin))
     set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
-    files = COLLATED if ranks.collated else ()
-    run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], case)
+    run_tool(["decomposePar", "-force", "-noFunctionObjects"], case)
 
 
 def partition_columns(centres: ndarray, load: ndarray, ranks: int, pairs: ndarray) -> ndarray:

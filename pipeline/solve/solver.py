@@ -135,8 +135,7 @@ def solve(
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         if interval.moving:
-            _reset_displacement(ranks.folders(case), first, name, whole=ranks.collated)
-        ranks.announce(case, name)
+            _reset_displacement(ranks.folders(case), first, name)
     guard.time = start
     drop_tables(case, start)
     set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
@@ -173,7 +172,7 @@ def solve(
     ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(ranks.count, hosts, ranks.collated),
+            solver_command(ranks.count, hosts),
             cwd=case,
             env=environment_in(case),
             preexec_fn=die_with_parent,
@@ -207,7 +206,6 @@ def solve(
             finally:
                 if follower:
                     follower.end()
-                ranks.withdraw(case)
                 note()
     code = process.wait()
     if watchdog.cause:
@@ -215,7 +213,7 @@ def solve(
         raise stopped(watchdog.cause)
     if code != 0:
         raise failed(case, guard.time, code)
-    # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
+    # a flow without a body has no samples and no guard of the energy (docs/evidence/validation)
     sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, damaged := first_damaged(case))
     if until < interval.end or damaged <= interval.end:
@@ -253,15 +251,15 @@ def failed(case: Path, reached: float, code: int) -> StageError:
     return StageError(f"pimpleFoam failed at {reached:g} s (log: {log}); its last lines:\n{tail}")
 
 
-def _reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
+def _reset_displacement(folders: list[Path], first: str, resumed: str) -> None:
     """Start a resumed run's pointDisplacement from that of the interval's first time's folder.
 
-    `whole`: the files are whole without a closing rule, as collated ones. The first step computes
-    it anew from the frames, and v1912 cannot read a list of values on a patch with a patchType.
+    The first step computes it anew from the frames, and v1912 cannot read a list of values on a
+    patch with a patchType.
     """
     for folder in folders:
         content = (folder / first / "pointDisplacement").read_bytes().rstrip()
-        if not whole and not content.endswith(END.strip()):
+        if not content.endswith(END.strip()):
             content += END  # a whole file, for the next resumption
         write_bytes(folder / resumed / "pointDisplacement", content)
 

@@ -14,7 +14,7 @@ from pipeline.openfoam.ranks import LEAST_CELLS, Ranks
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import prepared_for, resumable_ranks
 from pipeline.solve.coupled import Coupled, Follower
-from pipeline.solve.guards import guard_of
+from pipeline.solve.guards import guard_of, power_warning
 from pipeline.solve.prepare import prepare
 from pipeline.solve.results import collect_results
 from pipeline.solve.solver import BAR, resumes_rightly, solve
@@ -23,12 +23,9 @@ from piv.files.lock import exclusive
 from piv.files.provenance import versions
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> dict[str, float]:  # fmt: skip
-    """Solve and write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
-
-    `collated`: the ranks share their files.
-    """
+def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None
+        ) -> dict[str, float]:  # fmt: skip
+    """Solve and write the tables of run/; returns the cost of interrupted runs."""
     if hosts is not None and scene.coupled:
         raise StageError(f"hosts = {hosts}: a coupled run takes this machine alone; leave it out")
     hosts = hosts and hosts.resolve()  # the solver runs in another folder
@@ -55,7 +52,7 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         if useful < ranks and not quiet:
             print(f"run: {least} cells are too few for {ranks} ranks; {useful} used")
         moving = meshes[0].interval.moving
-        layout = resumable_ranks(cases[0], moving, Ranks(useful, collated and useful > 1), quiet)
+        layout = resumable_ranks(cases[0], moving, Ranks(useful), quiet)
         spent, quality = [], []
         with tqdm(total=end, unit="s", disable=quiet or None, desc="solver",
                   bar_format=BAR) as bar:  # fmt: skip
@@ -86,6 +83,8 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
             scene.out, cases, meshes, layout, scene.fluid, convection, budgets,
             coupled.contact if coupled else None,
         )  # fmt: skip
+    balance = summary["power_balance"]
+    balance["warning"] = power_warning(balance["unexplained_share"], budgets, step)
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     about = {
         "versions": {"OpenFOAM": version} | versions(),
@@ -93,7 +92,6 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
         "level": scene.level,
         "model": kind,
         "ranks": layout.count,
-        "collated": layout.collated,
         "time_step": step,
         "end_time": end,
         "steps": steps_of(end, step),
@@ -102,8 +100,10 @@ def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = 
     }
     RUN.write(scene.out / "run" / "run.json", about | summary)
     if not quiet:
-        rest = 100 * abs(summary["power_balance"]["unexplained_fraction"])
+        rest = 100 * abs(balance["unexplained_fraction"])
         times = ", ".join(f"{at:g} s" for _, now in spent for at in now["resumed"])
         more = f", resumed at {times}" if times else ""
-        print(f"run: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
+        print(f"solve: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
+        if balance["warning"]:
+            print(f"solve: warning: {balance['warning']}")
     return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}

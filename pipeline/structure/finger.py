@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.formats.bending_states import FloatArray, States
-from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
+from pipeline.formats.mesh_intervals import PER_FINGER
+from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
+from pipeline.scene.read_toml import command
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
 from pipeline.structure.motion import Surroundings, motion
+from pipeline.structure.vibration import slowness
 from piv.files.errors import StageError
 
 _GRAVITY = 9.81  # m/s²
-# by whether the flow is plane: added mass and drag where no run gives them (docs/coupling.md)
-_MODELLED = {True: (3.0, 4.0), False: (0.87, 2.2)}
+_STEPS, _MOST_STEPS = 150, 4000  # of the first vibration and in all, where no flow is computed
+_ADDED_MASS, _DRAG = 0.87, 2.2  # where no run gives them (docs/coupling.md)
 
 
 @dataclass(frozen=True)
@@ -33,30 +36,51 @@ class ElasticFinger:
     root: FloatArray  # m
     water: Surroundings  # without modelled water
     model: Surroundings  # with it
+    air: Surroundings
     known: bool
+    period: float = 0.0  # s, of its first vibration in modelled water
 
     @classmethod
-    def of(cls, scene: Scene) -> ElasticFinger:
-        """That of a scene."""
+    def of(cls, scene: Scene, states: States | None = None) -> ElasticFinger:
+        """That of a scene; `states`: in place of its file."""
         chambers = pressure_law(scene.motion, scene.folder)
         pressure = chambers(law_times(scene.motion.end_time))
-        lowest, highest = float(pressure.min()), float(pressure.max())
-        states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+        if states is None:
+            lowest, highest = float(pressure.min()), float(pressure.max())
+            states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+            chambers = within(chambers, states)
         known = bending_law(states, scene.structure.bending_stiffness)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
-        density, damping = scene.fluid.density, scene.structure.damping
-        mass, drag = _MODELLED[scene.model.kind == "2d"]
         down = complex(*(frame @ [0.0, -_GRAVITY]))
+        chain = Chain(states, law, scene.finger.width)
+        swings_at = float(pressure[np.argmax(np.abs(pressure))])
+        loss_factor = scene.structure.loss_factor
+        wet, air = Surroundings(down, scene.fluid.density, _ADDED_MASS, _DRAG), Surroundings(down)
+        in_water, in_air = (slowness(chain, swings_at, each) for each in (wet, air))
+        model = replace(wet, damping=loss_factor * in_water)
         return cls(
-            Chain(states, law, scene.finger.width),
+            chain,
             chambers,
             frame,
             np.asarray(scene.finger.root),
-            Surroundings(down, density, damping=damping),
-            Surroundings(down, density, mass, drag, damping),
+            replace(model, added_mass=0.0, drag=0.0),
+            model,
+            replace(air, damping=loss_factor * in_air),
             known is not None,
+            2 * np.pi * in_water,
         )
+
+    def in_water(self, end: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time (s), pressure (Pa) and rotations (time, slice) in modelled water.
+
+        However large the moments are. StageError where the chain finds no equilibrium.
+        """
+        step = max(self.period / _STEPS, end / _MOST_STEPS)
+        time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
+        pressure, none = self.chambers(time), np.zeros((len(time), self.chain.slices, 3))
+        turned = motion(self.chain, pressure, float(time[1]), self.model, none, most=np.inf)
+        return time, pressure, turned
 
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
         """Shapes over `time` (s) in place of the pressure, under rotations (time, slice) rad."""
@@ -74,6 +98,32 @@ class ElasticFinger:
         return self.in_actuator(points - self.root) + edge
 
 
+def stiffness_remedy(scene: Scene) -> str:
+    """How a bending stiffness comes to be known: imported states never have one."""
+    given = "give structure.bending_stiffness (N m2)"
+    analysed = scene.fea.get("engine") != "import" and scene.actuator
+    return f"analyse it with {command('fea', scene.folder)}, or {given}" if analysed else given
+
+
+def copies(scene: Scene) -> float:
+    """Times that the loads of the computed part are those of the water on a whole finger."""
+    return PER_FINGER[scene.model.kind] * scene.load_share
+
+
+def modelled_share(scene: Scene, states: States) -> float:
+    """Largest moment in modelled water over the table of `states`. StageError."""
+    finger = ElasticFinger.of(scene, states)
+    _, pressure, delta = finger.in_water(scene.motion.end_time)
+    return finger.chain.share(finger.chain.moments(pressure, delta))
+
+
+def modelled_speed(finger: ElasticFinger, end: float) -> float:
+    """Largest speed (m/s) of the tip in modelled water until `end` (s); StageError."""
+    time, pressure, delta = finger.in_water(end)
+    tip = finger.chain.profile(pressure, delta)[:, -1]
+    return float(np.hypot(*np.gradient(tip, time[1], axis=0).T).max())
+
+
 def modelled_shapes(scene: Scene) -> States:
     """Shapes over time (s) under modelled water; StageError where the finger cannot be coupled."""
     if scene.body is not None or not scene.motion.states:
@@ -89,8 +139,8 @@ def modelled_shapes(scene: Scene) -> States:
     finger = ElasticFinger.of(scene)
     if not finger.known:
         raise StageError(
-            f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
-            " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness (N m2)"
+            f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which a"
+            f" coupled motion needs: {stiffness_remedy(scene)}"
         )
     step, end = scene.numerics.time_step, scene.motion.end_time
     time = step * np.arange(round(end / step) + 1)
@@ -116,7 +166,7 @@ class Posed:
         self._middle = np.append(line[: chain.joints[0] + 1].mean(), self.placed.content[MIDDLE])
 
     def loads(
-        self, surface: Path, density: float, copies: int, left_alone: bool = False
+        self, surface: Path, density: float, copies: float, left_alone: bool = False
     ) -> tuple[FloatArray, float]:
         """Loads (slice + 1, 3) of a sampled surface, as `of_forces`, and N m about the root.
 

@@ -3,6 +3,7 @@
 import argparse
 import io
 import os
+import resource
 import signal
 import stat
 import sys
@@ -16,6 +17,7 @@ from piv.files import __version__
 from piv.files.errors import StageError, sentence, suggestion, system_error
 
 _PROGRAMS = ("softfinger", "piv")
+_LEAST_MEMORY = 2 * 10**9  # bytes of address space; the libraries alone reserve about one
 _INTERRUPTED = "interrupted; run it again to go on: what is finished is kept"
 
 
@@ -24,11 +26,34 @@ def _exit_at_interrupt(*_: object) -> None:
     os._exit(130)
 
 
+def _open_streams() -> None:
+    """Give a closed standard stream the null device: the next file would take its number."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+
+
+def _check_memory() -> None:
+    """End in a sentence where the shell's limit is too low: libraries would interrupt, or crash."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit not in (resource.RLIM_INFINITY, -1) and limit < _LEAST_MEMORY:
+        os.write(2, b"not enough memory: ulimit -v gives %d MB; give at least %d\n"
+                 % (limit // 10**6, _LEAST_MEMORY // 10**6))  # fmt: skip
+        os._exit(2)
+
+
 def importing() -> None:
     """Make Ctrl-C exit at once until `working`: libraries raise other errors during imports.
 
     A process that ignores the signal, such as a background job, still ignores it.
     """
+    _open_streams()
+    _check_memory()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _exit_at_interrupt)
 

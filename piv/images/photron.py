@@ -1,41 +1,50 @@
 """Recordings of Photron cameras: .cih or .cihx beside .mraw."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
 from piv.files.errors import one_line
+from piv.files.regular import read_regular
 from piv.images.recording import Recording
+
+_CIHX = {
+    "Camera Type": "deviceInfo/deviceName",
+    "Record Rate(fps)": "recordInfo/recordRate",
+    "Shutter Speed(s)": "recordInfo/shutterSpeed",
+    "Total Frame": "frameInfo/totalFrame",
+    "Image Width": "imageDataInfo/resolution/width",
+    "Image Height": "imageDataInfo/resolution/height",
+    "File Format": "imageFileInfo/fileFormat",
+    "EffectiveBit Depth": "imageDataInfo/effectiveBit/depth",
+    "Color Bit": "imageDataInfo/colorInfo/bit",
+}  # of the XML header, by the names of the older one
 
 
 class Photron(Recording):
     """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            import pyMRAW  # compiles at import: only who needs it waits
-        except ImportError:
-            raise ValueError(
-                f"{path}: Photron recordings need the package pyMRAW: pip install pyMRAW"
-            ) from None
         header, self.path = _photron_files(path)
         try:
-            cih = pyMRAW.get_cih(str(header))
+            cih = _read_header(header)
             self._size = (int(cih["Image Height"]), int(cih["Image Width"]))
             count, self.bits = int(cih["Total Frame"]), int(cih["Color Bit"])
             rate = float(cih["Record Rate(fps)"])
-        except Exception as error:  # the parser raises whatever its parts raise
+            effective = int(cih.get("EffectiveBit Depth", self.bits))
+        except (KeyError, ValueError, ElementTree.ParseError) as error:
             raise ValueError(
                 f"{header}: not a readable Photron header ({one_line(error)})"
             ) from error
-        if str(cih.get("File Format", "MRaw")).lower() != "mraw" or self.bits not in (8, 12, 16):
+        if cih.get("File Format", "MRaw").lower() != "mraw" or self.bits not in (8, 12, 16):
             raise ValueError(
                 f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 "
                 "bit can be read"
             )
         pixels = self._size[0] * self._size[1]
         need, size = count * pixels * self.bits // 8, self.path.stat().st_size
-        if count < 1 or size < need:
+        if count < 1 or pixels < 1 or size < need:
             raise ValueError(
                 f"{self.path}: {size} bytes, but {header.name} announces {count} frames, {need} "
                 "bytes"
@@ -43,8 +52,7 @@ class Photron(Recording):
         super().__init__(str(self.path), count)
         if rate > 0:
             self.attrs["frame_rate_hz"], self.times = rate, np.arange(count) / rate
-        self._unpack = pyMRAW.nb_read_uint12
-        self.attrs["bits"] = int(cih.get("EffectiveBit Depth", self.bits)) if self.bits != 8 else 8
+        self.attrs["bits"] = effective if self.bits != 8 else 8
         self.attrs["camera"] = {k: cih[k] for k in ("Camera Type", "Shutter Speed(s)") if k in cih}
         if self.bits == 12 and pixels % 2:
             raise ValueError(
@@ -56,9 +64,23 @@ class Photron(Recording):
         nbytes = pixels * self.bits // 8
         data = np.fromfile(self.path, np.uint8, nbytes, offset=i * nbytes)
         if self.bits == 12:
-            data.flags.writeable = False  # the compiled signature asks for a read-only array
-            return self._unpack(data).reshape(self._size)
+            # two pixels in three bytes, high bits first
+            first, middle, last = data.reshape(-1, 3).astype(np.uint16).T
+            pairs = np.stack([first << 4 | middle >> 4, (middle & 15) << 8 | last], axis=1)
+            return pairs.reshape(self._size)
         return data.view(np.dtype("<u2") if self.bits == 16 else np.uint8).reshape(self._size)
+
+
+def _read_header(path: Path) -> dict[str, str]:
+    """The keys of a .cih; those of a .cihx by the names that the older format gives them."""
+    text = read_regular(path).decode("utf-8", "replace")
+    if path.suffix.lower() == ".cih":
+        pairs = (line.split(" : ", 1) for line in text.splitlines())
+        return {pair[0].strip(): pair[1].strip() for pair in pairs if len(pair) == 2}
+    begin, end = text.find("<cih>"), text.rfind("</cih>")
+    tree = ElementTree.fromstring(text[begin : end + len("</cih>")] if begin >= 0 else text)
+    found = {name: tree.findtext(place) for name, place in _CIHX.items()}
+    return {name: value.strip() for name, value in found.items() if value is not None}
 
 
 def _photron_files(path: Path) -> tuple[Path, Path]:

@@ -3,7 +3,9 @@
 import json
 import secrets
 import sys
+import tempfile
 import threading
+import time
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -11,13 +13,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from piv.files.errors import sentence
+from piv.files.errors import one_line, sentence
 from piv.files.json_text import plain
 from piv.view import answers
 from piv.view.regions import write_regions
 from piv.view.scene import Scene
 
 LONGEST = 2**24  # bytes of a request
+_SHOWN = 60.0  # s until the file that names the address to the browser is removed
 
 
 class _Answers:
@@ -31,9 +34,9 @@ class _Answers:
         """The scene."""
         return answers.about(self.scene, str(self.output))
 
-    def image(self, step: int, second: bool, low: float, high: float) -> bytes:
+    def image(self, step: int, second: int, low: float, high: float) -> bytes:
         """A frame as PNG."""
-        return self.scene.image(step, second, low, high)
+        return self.scene.image(step, second == 1, low, high)
 
     def field(self, step: int) -> Any:
         """The vectors of a step."""
@@ -62,8 +65,12 @@ class _Answers:
 
     def save(self, kept: dict[str, list], roi: list[float] | None) -> Any:
         """Write the masks of each frame and the region."""
-        polygons = {int(frame): shapes for frame, shapes in kept.items()}
-        region = None if roi is None else (roi[0], roi[1], roi[2], roi[3])
+        polygons = {
+            int(frame): [[[float(x), float(y)] for x, y in shape] for shape in shapes]
+            for frame, shapes in kept.items()
+        }
+        x0, y0, x1, y1 = map(float, roi or (0, 0, 0, 0))
+        region = None if roi is None else (x0, y0, x1, y1)
         return {"text": write_regions(self.output, self.scene.unit, polygons or {0: []}, region)}
 
 
@@ -118,11 +125,8 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
                 self._reply(200, page, "text/html; charset=utf-8")
             elif name == "image":
                 query = dict(parse_qsl(urlsplit(self.path).query))
-                self._answer(
-                    name,
-                    {"step": int(query["step"]), "second": query["second"] == "1",
-                     "low": float(query["low"]), "high": float(query["high"])},
-                )  # fmt: skip
+                # its values are numbers as JSON writes them
+                self._answer(name, "{" + ",".join(f'"{k}":{v}' for k, v in query.items()) + "}")
             else:
                 self._reply(404, b"no such thing\n", TEXT)
 
@@ -130,25 +134,25 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
             name = self._requested()
             if name is None:
                 return
-            length = int(self.headers.get("Content-Length", 0))
-            if length > LONGEST or self.headers.get("Content-Type") != JSON:
+            length = self.headers.get("Content-Length", "")
+            good = length.isdecimal() and len(length) < 9 and int(length) <= LONGEST
+            if not good or self.headers.get("Content-Type") != JSON:
                 self.close_connection = True
                 self._reply(400, b"not a request of the page\n", TEXT)
                 return
-            self._answer(name, json.loads(self.rfile.read(length) or b"{}"))
+            self._answer(name, self.rfile.read(int(length)))
 
-        def _answer(self, name: str, values: dict[str, Any]) -> None:
+        def _answer(self, name: str, content: bytes | str) -> None:
             action = None if name.startswith("_") else getattr(actions, name, None)
             if not callable(action):
                 self._reply(404, b"no such thing\n", TEXT)
                 return
             try:
+                values = json.loads(content or b"{}", parse_constant=_refuse)
                 with one:
                     answer = action(**values)
-            except Exception as error:
-                text = sentence(error)
-                if text is None:
-                    raise
+            except Exception as error:  # whatever a stranger's values raise in the libraries
+                text = sentence(error) or f"not a request of the page ({one_line(error)})"
                 self._reply(422, text.encode(), TEXT)
                 return
             if isinstance(answer, bytes):
@@ -176,10 +180,23 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
     with server:
         ready(address)
         if show:
-            import webbrowser
-
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+            threading.Thread(target=_show, args=(address,), daemon=True).start()
         server.serve_forever()
+
+
+def _show(address: str) -> None:
+    """Open the browser by a file of the user's alone: the list of processes shows its words."""
+    import webbrowser
+
+    with tempfile.NamedTemporaryFile("w", suffix=".html") as file:  # mode 0600
+        file.write(f'<meta http-equiv="refresh" content="0; url={address}">')
+        file.flush()
+        webbrowser.open(Path(file.name).as_uri())
+        time.sleep(_SHOWN)
+
+
+def _refuse(word: str) -> Any:
+    raise ValueError(f"{word} is no number")
 
 
 _POLICY = (

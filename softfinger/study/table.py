@@ -14,7 +14,7 @@ from pipeline.formats.records import FORCES, RUN, STUDY_PLAN
 from pipeline.runs.run import Run, run_of
 from pipeline.runs.stages import BY_NAME, until
 from piv.files.errors import StageError
-from piv.files.record import read_record
+from piv.files.record import read_record, record_path
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import MIDDLE, stroke_window
@@ -40,6 +40,9 @@ def missing_runs(plan: dict[str, Any]) -> dict[str, str]:
     """By name the runs of a plan that are not finished as it asks for, and why."""
     reasons: dict[str, str] = {}
     for row in plan["runs"]:
+        if not record_path(Path(row["out"]), "").parent.is_dir():
+            reasons[row["run"]] = "not made yet"  # without reading its scene
+            continue
         if row["may_fail"]:
             if read_record(Path(row["out"]), "outcome") is None:
                 reasons[row["run"]] = "outcome: not made yet"

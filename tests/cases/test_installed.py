@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 SIMULATION = (
     "gmsh", "pyvista", "felupe", "meshio", "shapely", "tensortrax", "pydantic", "lvpyio",
-    "imageio_ffmpeg", "pyMRAW", "nose", "matplotlib",
+    "imageio_ffmpeg", "matplotlib",
 )  # fmt: skip
 FROM_PYTHON = f"""
 import sys, cv2

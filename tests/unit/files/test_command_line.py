@@ -84,7 +84,7 @@ def test_a_defect_keeps_its_traceback():
         guarded("mesh", lambda: {}["a"])
 
 
-COMMANDS = ("run", "stages", "study", "tradeoff", "fea", "predict", "view", "new", "openfoam")
+COMMANDS = ("run", "stages", "study", "tradeoff", "fea", "view", "new", "openfoam")
 
 
 def test_help_names_every_command(capsys):
@@ -110,6 +110,7 @@ def test_every_command_has_a_help(name, capsys):
         (["run", "cases/single_finger", "--set", "mesh.tip_cel=1"], "tip_cell"),
         (["run", "cases/single_finger", "--name", "x"], "--name needs --set"),
         (["new", "cases/single_finger"], "exists already"),
+        (["run", "cases/single_finger", "--hosts", "no.txt"], "--hosts no.txt: no such file"),
     ],
 )
 def test_wrong_words_are_one_sentence(words, part, capsys):
@@ -221,3 +222,19 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path):
     path = tmp_path / "none" / "a.h5"
     with pytest.raises(FileNotFoundError, match="make it first"), exclusive(path):
         pass
+
+
+@pytest.mark.parametrize("streams", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_closed_streams_are_no_fault(tmp_path, streams):
+    command = f"{sys.executable} -m softfinger stages {streams}"
+    done = subprocess.run(["sh", "-c", command], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("program", ["softfinger", "piv"])
+def test_too_low_a_limit_of_memory_is_one_sentence(program):
+    """OpenBLAS interrupts a process that may start no thread, which said "run it again"."""
+    command = f"ulimit -v 350000; exec {sys.executable} -m {program} --help"
+    done = subprocess.run(["sh", "-c", command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "not enough memory: ulimit -v gives 358 MB; give at least 2000\n"

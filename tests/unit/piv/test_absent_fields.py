@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.formats.plane_series import NO_PICTURE, REPEATED, absent, make_plane, read_plane
@@ -17,8 +19,6 @@ from piv.images.preprocess import background
 from piv.momentum.pressure import pressure
 from piv.vortices.table import tabulate_vortices
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (96, 128)
 FILM = render(uniform(2, 1), shape=SHAPE, seed=5, frames=range(12), noise=0.01)

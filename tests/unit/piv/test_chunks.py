@@ -9,6 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.correlation.options import Options
 from piv.formats.recording import RecordingWriter
 from piv.images.open_recording import open_recording
@@ -18,8 +20,6 @@ from piv.sequence.chunks import chunk_path, join, parts_of
 from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (64, 80)
 FRAMES = 12

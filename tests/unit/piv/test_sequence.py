@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
@@ -19,8 +21,6 @@ from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.multiframe import correlate_frames
 from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (96, 128)
 

@@ -3,22 +3,23 @@
 import http.client
 import json
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from docs.evidence.piv.particles import render
 from piv import VortexSettings, open_recording, part_of_recording
 from piv.commands.correlate import make as make_vectors
 from piv.foreign.read import in_px
 from piv.formats.plane_series import make_plane, provenance, write_plane
-from piv.view import answers
+from piv.view import answers, server
 from piv.view.regions import write_regions
 from piv.view.scene import open_scene
 from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from tests.studies.piv.particles import render
 from tests.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
@@ -205,6 +206,48 @@ def test_a_stranger_is_refused(address, folder):
     assert not (folder / "drawn.json").exists()
     assert status(save) == 200
     (folder / "drawn.json").unlink()
+
+
+def test_a_bad_message_is_one_sentence_and_writes_nothing(address, folder):
+    """The log, which ends without a traceback, is read where the server stops."""
+    _, port, secret = re.match(r"http://(.*):(\d+)/(.*)/", address).groups()
+
+    def reply(method, path, body=None, length=None):
+        line = http.client.HTTPConnection("127.0.0.1", int(port), timeout=30)
+        headers = {"Content-Type": "application/json"} | (length or {})
+        line.request(method, f"/{secret}/{path}", body, headers)
+        answer = line.getresponse()
+        return answer.status, answer.read().decode(errors="replace")
+
+    nan = json.dumps({"kept": {"0": [[[float("nan"), 1.0], [2.0, 3.0], [4.0, 9.0]]]}, "roi": None})
+    bad = [
+        ("save", "{"), ("save", "[]"), ("save", "7"), ("save", "{}"), ("save", nan),
+        ("save", json.dumps({"kept": {"0": [[["a", "b"]] * 3]}, "roi": None})),
+        ("save", json.dumps({"kept": {"x": [SQUARE]}, "roi": None})),
+        ("save", json.dumps({"kept": {}, "roi": [1]})), ("field", '{"step": "a"}'),
+        ("field", '{"step": 999}'), ("inside", '{"step": 0, "polygon": 3}'),
+        ("profile", '{"step": 0, "line": []}'), ("vortices", "[" * 5000),
+    ]  # fmt: skip
+    for name, body in bad:
+        status, text = reply("POST", name, body)
+        assert status == 422, (name, body, text)
+        assert text.strip().count("\n") == 0
+    assert reply("GET", "image?step=x")[0] == reply("GET", "image")[0] == 422
+    assert reply("POST", "save", "{}", {"Content-Length": "x"})[0] == 400
+    assert not (folder / "drawn.json").exists()
+    assert reply("GET", "image?step=0&second=1&low=1&high=99.5")[0] == 200
+
+
+def test_the_browser_gets_no_secret_by_its_words(monkeypatch):
+    """The list of processes shows them to every user of the machine."""
+    seen = []
+    monkeypatch.setattr("piv.view.server._SHOWN", 0.0)
+    read = lambda words: seen.append((words, Path(words.removeprefix("file://")).read_text()))  # noqa: E731
+    monkeypatch.setattr("webbrowser.open", read)
+    server._show("http://127.0.0.1:1/secret/")
+    ((words, page),) = seen
+    assert "secret" not in words
+    assert "url=http://127.0.0.1:1/secret/" in page
 
 
 @pytest.fixture(scope="module")

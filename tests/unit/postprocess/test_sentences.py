@@ -47,7 +47,7 @@ def test_every_finding_of_the_paper_answers_a_sentence():
         ('quote = "q"', "where: this key is missing"),
         ('quote = "q"\nwhere = "w"', "neither findings nor why"),
         ('quote = "q"\nwhere = "w"\nfindings = ["none"]', "no finding of this file"),
-        ('quote = "q"\nwhere = "w"\nfindings = "a"', "findings: Input should be a valid tuple"),
+        ('quote = "q"\nwhere = "w"\nfindings = "a"', "findings: give a list"),
         ('quote = "q"\nwhere = "w"\nwhy = "y"\nnote = "n"', "note: this key is not known"),
     ],
 )

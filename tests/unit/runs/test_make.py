@@ -1,6 +1,10 @@
 """Making the stages of a run: what is made, taken over and refused."""
 
+import multiprocessing
+import os
 import shutil
+import signal
+import threading
 from pathlib import Path
 
 import pytest
@@ -12,7 +16,7 @@ from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.record import read_record, record_path, write_record
 from softfinger.make import LOG, Machine, _expected, make, make_sheet, make_stage
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 ONE = Machine()
 
@@ -58,7 +62,7 @@ def test_record_says_what_a_stage_cost_and_wrote(run: Run) -> None:
 @pytest.mark.parametrize("level, measured", [("smoke", 41), ("coarse", 212)])
 def test_first_estimate_is_near_the_time_that_a_fresh_clone_took(tmp_path, level, measured):
     """Measured 2026-11-24 on two cores with two ranks, s; other machines differ by more."""
-    run = open_run(ROOT / "cases" / "single_finger", level, {}, tmp_path)
+    run = open_run(CASES / "single_finger", level, {}, tmp_path)
     expected = sum(_expected(run, stage.name, Machine(2, 2)) for stage in STAGES)
     assert measured / 1.3 < expected < 1.3 * measured
 
@@ -162,6 +166,30 @@ def test_a_stage_that_another_process_makes_is_refused(run: Run) -> None:
     with exclusive(run.out / "mesh.stage"), pytest.raises(OSError, match=r"^mesh: .*writing"):
         make(stale, "mesh", ONE, quiet=True)
     assert read_record(run.out, "mesh") == record
+
+
+def _spin(scene, quiet) -> None:
+    """A library that never returns, and takes no signal that Python could handle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while True:
+        pass
+
+
+def test_a_stage_without_end_is_ended_and_named(run: Run, monkeypatch) -> None:
+    monkeypatch.setattr("pipeline.mesh.stage.run", _spin)
+    monkeypatch.setattr("softfinger.make.cpu_limit", lambda run, stage: 1.0)
+    with pytest.raises(StageError, match=r"^mesh: is not over after .* minutes of CPU time; simpl"):
+        make(again(run, **{"mesh.tip_cell": 0.003}), "mesh", ONE, quiet=True)
+
+
+def test_ctrl_c_ends_a_stage_that_does_not_listen(run: Run, monkeypatch) -> None:
+    monkeypatch.setattr("pipeline.mesh.stage.run", _spin)
+    monkeypatch.setattr("softfinger.make._TIDY", 0.2)
+    interrupt = threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGINT))
+    interrupt.start()
+    with pytest.raises(KeyboardInterrupt):
+        make(again(run, **{"mesh.tip_cell": 0.003}), "mesh", ONE, quiet=True)
+    assert not multiprocessing.active_children()
 
 
 def test_a_failing_stage_is_one_sentence_with_its_name(run: Run) -> None:

@@ -92,3 +92,50 @@ def test_an_obstacle_that_leaves_no_room_to_mesh_is_refused(tmp_path):
     near = f'[[obstacle]]\nshape = "box"\ncentre = [{dorsal - 0.0103}, 0.2]\nsize = [0.02, 0.01]\n'
     with pytest.raises(StageError, match=r"obstacle\[0\] is 0\.3 mm from the finger .* move it by"):
         prepare(write_scene(tmp_path / "b", more=near))
+
+
+def polygon(points) -> str:
+    return f'[[obstacle]]\nshape = "polygon"\npoints = {[list(map(float, p)) for p in points]}\n'
+
+
+def corners_of_a_circle(count: int) -> np.ndarray:
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    return np.array([0.1, 0.16]) + 0.02 * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def test_repeated_corners_are_dropped_and_corners_without_area_refused():
+    """gmsh did not end with one of them."""
+    corners = [(0.1, 0.1), (0.1, 0.1), (0.2, 0.2), (0.2, 0.1), (0.2, 0.1), (0.1, 0.1)]
+    thing = Obstacle(shape="polygon", points=corners)
+    assert sorted(thing.points) == [(0.1, 0.1), (0.2, 0.1), (0.2, 0.2)]
+    assert thing.polygon.area == pytest.approx(0.005)
+    for line in ([(0, 0)] * 4, [(0, 0), (1, 1), (2, 2)], [(0, 0), (1, 0), (0, 0), (1, 0)]):
+        with pytest.raises(ValueError, match="enclose no area"):
+            Obstacle(shape="polygon", points=line)
+
+
+@pytest.mark.parametrize("count, merged", [(60, False), (1000, True)])
+def test_a_circle_as_cad_exports_it_is_meshed_as_a_circle(tmp_path, count, merged):
+    """The mesh of 1,000 corners had no end, and that of 100 "shorten the stroke"."""
+    scene = write_scene(tmp_path / "s", more=polygon(corners_of_a_circle(count)))
+    cell = 0.5 * scene.mesh.wall_cell
+    (thing,) = scene.obstacle
+    sides = np.hypot(*np.diff([*thing.points, thing.points[0]], axis=0).T)
+    assert sides.min() >= cell
+    remarks = [remark for remark in scene.remarks() if "obstacle[0].points" in remark]
+    assert len(remarks) == merged
+    # a side of two half cells has a sagitta of 0.1 mm on this circle
+    assert thing.polygon.area == pytest.approx(np.pi * 0.02**2, rel=0.02)
+    assert len(thing.pieces) == 1
+    prepare(scene)
+
+
+def test_short_sides_between_sharp_corners_are_merged_and_a_box_stays(tmp_path):
+    notched = [(0.1, 0.1), (0.13, 0.1), (0.13, 0.12), (0.1299, 0.12), (0.1299, 0.13), (0.1, 0.13)]
+    scene = write_scene(tmp_path / "s", more=polygon(notched))
+    (thing,) = scene.obstacle
+    assert len(thing.points) == 5
+    assert "by up to 0.05 mm" in " ".join(scene.remarks())
+    box = [(0.1, 0.1), (0.13, 0.1), (0.13, 0.13), (0.1, 0.13)]
+    (same,) = write_scene(tmp_path / "b", more=polygon(box)).obstacle
+    assert len(same.pieces) == 4

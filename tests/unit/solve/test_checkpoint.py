@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.openfoam.displacement_files import checkpoint_steps
 from pipeline.openfoam.foamfile import END, write_bytes
-from pipeline.openfoam.ranks import Ranks, collated_content
+from pipeline.openfoam.ranks import Ranks
 from pipeline.solve.checkpoint import (
     FIELDS,
     LOG,
@@ -77,24 +77,6 @@ def test_all_ranks_must_have_written_it(tmp_path):
     assert last_checkpoint(tmp_path, Ranks(1)) is None
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
-def test_collated_files_need_every_rank_s_block(tmp_path, name):
-    ranks = Ranks(3, collated=True)
-    folder = tmp_path / "processors3"
-    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
-    for time in ("0.01", "0.02"):
-        for field in (*FIELDS, *MOVED, *MORE):
-            if field == "uniform/time":  # the master writes it for all
-                write_bytes(folder / time / field, b"index 2;" + END)
-            else:
-                write_bytes(folder / time / field, collated_content(field, [b"1", b"(2)", b"3"]))
-    assert last_checkpoint(tmp_path, ranks) == (0.02, "0.02")
-    path = folder / "0.02" / name
-    path.write_bytes(path.read_bytes()[:-3])
-    assert last_checkpoint(tmp_path, ranks) == (0.01, "0.01")
-    assert last_checkpoint(tmp_path, Ranks(2, collated=True)) is None
-
-
 def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_path):
     first = record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04, 0.05])
     second = record(tmp_path, "0.03", [])
@@ -107,7 +89,7 @@ def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_pat
     assert sampled_until(tmp_path) == 0.0
 
 
-@pytest.mark.parametrize("ranks", [Ranks(1), Ranks(2), Ranks(2, collated=True)])
+@pytest.mark.parametrize("ranks", [Ranks(1), Ranks(2)])
 def test_a_resumed_run_starts_at_its_time_with_all_digits(tmp_path, ranks):
     reached = "0.340000000000000246"  # the sum of 340 steps of 1 ms
     files = [folder / "0.34" / "uniform" / "time" for folder in ranks.folders(tmp_path)]

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.formats.records import LOSSES
 from pipeline.scene.predicted import estimated_cells
 from pipeline.scene.scene import load_scene
 from pipeline.solve.guards import (
@@ -17,9 +18,12 @@ from pipeline.solve.guards import (
     Guard,
     check_courant,
     energy_budget,
+    power_warning,
 )
+from pipeline.solve.power import power_balance
 from pipeline.solve.solver import LOG, Watchdog, failed
-from tests.conftest import ROOT, write_scene
+from piv.files.errors import StageError
+from tests.conftest import CASES, write_scene
 
 STEP = (
     "Courant Number mean: 0.1 max: {courant}\nTime = {time}\n\nsmoothSolver:  Solving for Ux,"
@@ -147,6 +151,50 @@ def test_an_impulsive_start_of_the_wall_is_allowed(sudden):
     assert budget.add(20e-3, 0.0, 2 * energy, 0.0) is not None  # no jump of the wall
 
 
+@pytest.mark.parametrize("part, jumps", [(0.15, False), (0.25, True)])
+def test_a_wall_whose_speed_changes_by_a_fifth_of_its_peak_in_a_step_jumps(part, jumps):
+    """A jump of less than that does little work that no sample sees; the guard must not forgive it.
+
+    The energy from nothing after it is then found, too.
+    """
+    times = np.arange(41) * 1e-3
+    speed = np.minimum(np.arange(40) / 20, 1.0) * 0.3  # grows by a twentieth of its peak in a step
+    speed[30:] -= part * 0.3
+    path = np.concatenate([[0.0], np.cumsum(speed) * 1e-3])
+    positions = square()[None] + np.stack([path, 0 * path], -1)[:, None]
+    budget = energy_budget(positions, times, 0.03, 1000.0)
+    assert budget.unresolved(29e-3, 31e-3) is jumps
+    assert not budget.unresolved(2e-3, 28e-3)
+    energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
+    budget.begin(29e-3, 0.0, energy, 0.0)
+    assert (budget.add(31e-3, 0.0, 1.2 * energy, 0.0) is None) == jumps
+
+
+def test_unexplained_power_is_warned_of_and_then_refused():
+    """Of an impulsive start the work is not sampled: it is warned of, and goes on."""
+    steps = np.arange(41) * 1e-3
+    smooth, sudden = (
+        energy_budget(square()[None] + np.stack([way, 0 * steps], -1)[:, None], steps, 0.03, 1000.0)
+        for way in (0.3 * steps**3 / steps[-1] ** 2, 0.3 * steps)
+    )
+    assert power_warning(0.05, [smooth], 1e-3) == ""
+    assert "6 % of the power" in power_warning(0.06, [smooth], 1e-3)
+    assert "lower numerics.time_step = 0.01" in power_warning(0.4, [sudden], 0.01)
+    with pytest.raises(StageError, match="16 % of the power that"):
+        power_warning(0.16, [smooth], 1e-3)
+
+
+def test_the_share_of_unexplained_power_is_of_what_is_exchanged():
+    """A body that swings gives and takes: its net work is near zero, its share is not infinite."""
+    time = np.linspace(0.01, 1.0, 100)
+    power = np.sin(2 * np.pi * time)  # W; it exchanges 2/pi J in a period, and no net work
+    table = np.column_stack([time, power, np.full(100, 0.01), 0 * time])
+    terms = np.column_stack([time, np.zeros((100, len(LOSSES)))])
+    balance = power_balance(table, terms)
+    assert balance["unexplained_share"] == pytest.approx(0.01 * np.pi / 2, rel=1e-2)  # trapezia
+    assert abs(balance["unexplained_fraction"]) > 1  # of the net work
+
+
 def sampled(folder, rows, part="0"):
     """Tables and surfaces of samples as the solver writes them."""
     table = folder / "volumes" / part / "volFieldValue.dat"
@@ -235,7 +283,7 @@ def test_the_time_step_that_a_refusal_offers_is_accepted(scale, limit):
 
 def test_the_estimate_of_the_cells_is_of_the_right_size(tmp_path):
     """Measured: 1178 (tiny, 2-D); 3054 (smoke) and 63 thousand (coarse) of the shipped scene."""
-    shipped = ROOT / "cases" / "single_finger"
+    shipped = CASES / "single_finger"
     scenes = write_scene(tmp_path / "s"), *(load_scene(shipped, n) for n in ("smoke", "coarse"))
     for scene, cells in zip(scenes, (1178, 3054, 6.3e4), strict=True):
         assert cells / 3 < estimated_cells(scene) < 3 * cells

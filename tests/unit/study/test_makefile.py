@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 from tests.inner_make import inner_environment
 
 TEXT = (ROOT / "Makefile").read_text(encoding="utf-8")
 TARGETS = set(re.findall(r"(?m)^([a-z][a-z-]*):(?!=).*##", TEXT))
-SCENES = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")}
+SCENES = {path.parent.name for path in CASES.glob("*/scene.toml")}
 
 
 def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
@@ -24,7 +24,7 @@ def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
 def test_help_lists_every_target_and_scene() -> None:
     text = make("help").stdout
     assert set(re.findall(r"(?m)^make ([a-z-]+) ", text)) >= TARGETS
-    assert len(TARGETS) <= 18
+    assert len(TARGETS) <= 17
     assert all(scene in text for scene in SCENES)
 
 
@@ -55,17 +55,21 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "LEVEL=fine", "ACCURACY=12%"], "not with LEVEL, which it chooses"),
         (["single_finger", "ACCURACY=many"], "ACCURACY=many: give a share"),
         (["single_finger", "BUDGET=1"], "BUDGET=1: give a time"),
-        (["single_finger", "HOSTS=no.txt"], "HOSTS=no.txt: no such file"),
         (["fea", "SCENE=pinsh"], "did you mean pinch?"),
         (["study", "STUDY=no.csv"], "no.csv: no such study"),
         (["study"], "give STUDY=table.csv"),
         (["single_finger.view", "NP=0"], "NP=0: give 1 or more"),
         (["fea", "SCENE=single_finger", "NP=0"], "NP=0: give 1 or more"),
-        (["single_finger.mesh", "QUICK=1"], "run does not use QUICK; omit it"),
-        (["single_finger", "SLURM=0", "NODES=2"], "run does not use NODES; add SLURM=1"),
-        (["predict", "COUPLED=1"], "predict does not use COUPLED"),
+        (["single_finger.mesh", "DPIV=here"], "run does not use DPIV; omit it"),
+        (["fea", "COUPLED=1"], "fea does not use COUPLED"),
         (["study", "STUDY=x.csv", "LEVEL=smoke"], "study does not use LEVEL"),
         (["single_finger", 'LEVEL=$$(touch made; echo "smoke)'], "no level"),
+        (["single_finger", "LEVEL=$(shell touch made)"], "no level '$(shell touch made)'"),
+        (["fea", "SCENE=$(shell touch made)"], "cases/$(shell touch made): no such scene"),
+        (["fea", "SCENE=;touch made;"], "cases/;touch made;: no such scene"),
+        (["tradeoff", "SCENE=`touch made`"], "cases/`touch made`: no such scene"),
+        (["study", "STUDY=$(shell touch made).csv"], "$(shell touch made).csv: no such study"),
+        (["x'; touch made; '"], "x'; touch made; ': no such scene or target"),
     ],
 )
 def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) -> None:
@@ -77,10 +81,38 @@ def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) 
     assert not (ROOT / "made").exists()
 
 
+def test_names_of_folders_are_no_commands(tmp_path: Path) -> None:
+    """One such folder made every target fail, or its name was run at a bare make."""
+    (tmp_path / "Makefile").write_text(TEXT)
+    ready = tmp_path / ".venv"
+    (ready / "bin").mkdir(parents=True)
+    for name in ("softfinger", "python"):
+        (ready / "bin" / name).write_text('#!/bin/sh\necho "$@"')
+        (ready / "bin" / name).chmod(0o755)
+    (ready / ".ready").touch()
+    odd = ["a$(touch${IFS}made)b", "a$(shell touch made)b", "a:b", "q;touch made", "a b", "o'br"]
+    odd += ['q"q', "a\nb", "a%", "`touch made`", "clean", "a#b", "a=b"]
+    for name in ["good", "also-good.2", *odd]:
+        (tmp_path / "cases" / name).mkdir(parents=True)
+        (tmp_path / "cases" / name / "scene.toml").write_text('extends = "../good"\n')
+    for name in ("requirements.lock", "softfinger/setup.sh", "softfinger/command.sh"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (ready / ".ready").touch()
+    for words in ([], ["good"], ["also-good.2"], ["clean"], ["a b"], ["fea", "SCENE=a:b"]):
+        done = make(*words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert not list(tmp_path.rglob("made"))
+        assert all(f"cases/{name}".split()[0] in done.stderr for name in odd if "\n" not in name)
+        assert "left out; rename the folder" in done.stderr
+    assert "run cases/good" in make("good", folder=tmp_path).stdout
+    assert "fea cases/a:b" in make("fea", "SCENE=a:b", folder=tmp_path).stdout
+
+
 def test_a_first_run_sets_up_whatever_its_values_are(tmp_path: Path) -> None:
     """Commands of the set-up do not use LEVEL, which would be an error of the user's otherwise."""
     (tmp_path / "softfinger").mkdir()
-    for name in ("Makefile", "requirements.lock", "pipeline/command.sh"):
+    for name in ("Makefile", "requirements.lock", "softfinger/command.sh"):
         (tmp_path / name).write_text((ROOT / name).read_text())
     (tmp_path / "softfinger" / "setup.sh").write_text('mkdir -p .venv; echo "typed: $TYPED."')
     done = make("setup", "LEVEL=smoke", folder=tmp_path)

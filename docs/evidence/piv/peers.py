@@ -1,0 +1,126 @@
+"""Run the peers in their own environment: python peers.py FOLDER, one pair.npz per case.
+
+Results of the same images that are there already are kept, so that a run that was stopped goes on
+where it was.
+"""
+
+import hashlib
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = "1"
+import numpy as np
+import yaml
+
+OPENPIV = {  # window sizes, overlaps, lax validation
+    "OpenPIV 64-32-16": ((64, 32, 16), (32, 16, 8), False),
+    "OpenPIV 24 lax": ((64, 48, 24), (32, 24, 16), True),
+    "OpenPIV 32 lax": ((64, 32, 32), (32, 16, 24), True),
+    "OpenPIV 32, 75 %": ((64, 32, 32), (32, 16, 24), False),
+}
+PIVTOOLS = {
+    "PIVtools 64-32-32": ([[64, 64], [32, 32], [32, 32]], [50, 50, 75]),
+    "PIVtools 64-32-16": ([[64, 64], [32, 32], [16, 16]], [50, 50, 50]),
+}
+
+
+def openpiv(a, b, windows, overlaps, lax):
+    """x, y (up), u, v of windef's multi-pass, axes ascending."""
+    from openpiv import windef
+    from openpiv.settings import PIVSettings
+
+    s = PIVSettings()
+    s.windowsizes, s.overlap, s.num_iterations = windows, overlaps, len(windows)
+    if lax:
+        s.median_threshold, s.std_threshold = 20, 30
+        s.sig2noise_validate, s.sig2noise_method = False, None
+    x, y, u, v, _ = windef.simple_multipass(a.astype(np.int32), b.astype(np.int32), s)
+    order = np.argsort(y[:, 0])
+    return x[0], y[order, 0], np.asarray(u)[order], np.asarray(v)[order]
+
+
+class PIVtools:
+    """One configuration of PIVtools' instantaneous correlator."""
+
+    def __init__(self, windows, overlaps, shape):
+        from pivtools_cli.cli import create_default_config
+        from pivtools_cli.piv.piv_backend.cpu_instantaneous import InstantaneousCorrelatorCPU
+        from pivtools_core.config import Config
+
+        path = Path(tempfile.mkdtemp()) / "config.yaml"
+        create_default_config(str(path))
+        settings = yaml.safe_load(path.read_text())
+        settings["processing"]["omp_threads"] = 1
+        settings["images"]["shape"] = list(shape)
+        windowed = {"window_size": windows, "overlap": overlaps, "runs": [len(windows)]}
+        settings["instantaneous_piv"] |= windowed | {"image_warp_interpolation": "lanczos"}
+        path.write_text(yaml.safe_dump(settings))
+        self.config = Config(str(path))
+        self.config._detected_image_shape = tuple(shape)
+        self.correlator = InstantaneousCorrelatorCPU(self.config)
+
+    def __call__(self, a, b):
+        images = np.stack([a, b])[None].astype(np.float32)
+        result = self.correlator.correlate_batch(images, self.config)
+        last = (result[0] if isinstance(result, list) else result).passes[-1]
+        y = a.shape[0] - 1 - np.array(last.win_ctrs_y)[::-1]
+        u, v = np.array(last.ux_mat, float), -np.array(last.uy_mat, float)
+        return np.array(last.win_ctrs_x), y, u[::-1], v[::-1]
+
+
+def main(folder: Path) -> None:
+    """Correlate every pair of the folder with every peer; CPU seconds beside the vectors."""
+    files = sorted(folder.glob("*.pair.npz"))
+    digests = {f: digest(f) for f in files}
+    files = [f for f in files if not done(result_of(f), digests[f])]
+    if not files:
+        return
+    shape = np.load(files[0])["a"].shape
+    methods: dict[str, Callable] = {
+        n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()
+    }
+    methods |= {n: PIVtools(*s, shape) for n, s in PIVTOOLS.items()}
+    warm = np.load(files[0])
+    for method in methods.values():
+        method(warm["a"], warm["b"])
+    for file in files:
+        pair = np.load(file)
+        out: dict[str, Any] = {"digest": digests[file]}
+        for k, (name, method) in enumerate(methods.items()):
+            start = time.process_time()
+            x, y, u, v = method(pair["a"], pair["b"])
+            found = {"t": time.process_time() - start, "x": x, "y": y, "u": u, "v": v, "name": name}
+            out |= {f"{k}_{key}": value for key, value in found.items()}
+        part = file.with_suffix(".part")
+        with part.open("wb") as whole:
+            np.savez(whole, **out)
+        part.rename(result_of(file))
+        print(file.name, flush=True)
+
+
+def digest(file: Path) -> str:
+    """Of the images of a pair, of what the peers are asked for, and of the installed libraries."""
+    pair = np.load(file)
+    installed = sorted(f"{d.name} {d.version}" for d in distributions())
+    asked = repr((OPENPIV, PIVTOOLS, installed)).encode()
+    return hashlib.sha256(pair["a"].tobytes() + pair["b"].tobytes() + asked).hexdigest()
+
+
+def result_of(file: Path) -> Path:
+    """Where the peers' vectors of a pair are written."""
+    return file.with_name(file.name.replace(".pair.", ".peers."))
+
+
+def done(result: Path, digest: str) -> bool:
+    """Whether the peers have measured this very pair."""
+    return result.exists() and str(np.load(result)["digest"]) == digest
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,44 @@
+"""Summaries of docs/stability.md, from the tables of runs, images and faults."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from postprocess.tables import write_table
+
+ENDINGS = {
+    "completed": "completed, energy bounded",
+    "refused": "refused beforehand",
+    "stopped": "stopped by a guard",
+    "all flagged": "every vector marked as bad",
+    "WRONG": "plausible wrong answer",
+    "CRASH": "crash",
+    "FAILED": "solver failed",
+    "HANG": "hang",
+}
+
+
+def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
+    """Count the faults by kind: on how many stages, how often, and how they ended."""
+    ends = ["times", "completed", "refused", "recomputed", "wrong"]
+    kinds = {"damaged .*": "input damaged", ".* of another .*": "input of another scene or level"}
+    kind = rows["fault"].replace(kinds, regex=True)
+    rows = rows[["stage"]].assign(fault=kind).join(rows[ends].astype(int))
+    return rows.groupby("fault", sort=False).agg({"stage": "nunique"} | dict.fromkeys(ends, "sum"))
+
+
+def write(folder: Path) -> None:
+    """Write the summaries beside the tables."""
+    runs, images, faults = (
+        pd.read_csv(folder / f"{name}.csv", comment="#", dtype=str, keep_default_na=False)
+        for name in ("runs", "images", "faults")
+    )
+    endings = pd.DataFrame({"ending": ENDINGS.values()})
+    for name, of in (("runs", runs), ("images", images)):
+        endings[name] = [(of["ended"] == ending).sum() for ending in ENDINGS]
+    write_table(folder / "endings.csv", endings)
+    write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())
+
+
+if __name__ == "__main__":
+    write(Path("docs/stability"))
