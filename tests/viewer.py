@@ -27,7 +27,8 @@ def serving(*words) -> Iterator[str]:
     )
     try:
         assert server.stdout is not None
-        found = re.match(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.stdout.readline())
+        # alone on its line, to be copied
+        found = re.match(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/$", server.stdout.readline())
         assert found, server.stdout.read()
         yield found.group()
         server.send_signal(signal.SIGINT)

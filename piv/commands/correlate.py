@@ -16,9 +16,11 @@ from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
+from piv.images.recording import Recording
 from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.sequence import correlate_recording
 
+_MUCH = 0.7  # of the picture: bodies in a flow are smaller
 # flags that no dataclass has
 _FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
 
@@ -142,9 +144,22 @@ def make(
             settings.get("roi"),
             roi_unit=settings.get("roi_unit", "px"),
         )
+        _ask_about_mask(part, settings.get("mask"))
         path = correlate_recording(part, output, options, sequence, chunk=chunk, quiet=quiet)
     if not quiet:
         report(path)
+
+
+def _ask_about_mask(part: Recording, name: str | None) -> None:
+    """Ask where a mask leaves so little of the picture that it may be inverted."""
+    body = None if name is None else part.mask(0)
+    if body is not None and (share := float(body.mean())) > _MUCH:
+        print(
+            f"{name}: masks {share:.0%} of the picture; is it inverted? A mask is white, or true, "
+            "on the body, where no vectors are",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def _chunk(text: str) -> tuple[int, int]:

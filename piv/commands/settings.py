@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -31,6 +32,15 @@ def at_least(least: float, kind: Callable[[str], Any] = float) -> Callable[[str]
     return number
 
 
+def _one_number(kind: Callable[[str], Any], text: str) -> Any:
+    """A number of a command line, such as the side of a window."""
+    try:
+        return kind(text)
+    except ValueError:
+        way = " (windows and spacings are the same along x and y)" if "x" in text else ""
+        raise argparse.ArgumentTypeError(f"give one number{way}, got {text!r}") from None
+
+
 def add_paths(parser: argparse.ArgumentParser, output: str, source: str = VECTORS) -> None:
     """Arguments source and -o/--output; `output` and `source`: their helps."""
     parser.add_argument("source", type=Path, help=source)
@@ -46,6 +56,8 @@ def add_fields(parser: argparse.ArgumentParser, kind: Any) -> None:
         value, about = get_args(hints[field.name])
         text = about if field.default is None else f"{about} (default {field.default})"
         options: dict[str, Any] = {"type": next(iter(get_args(value)), value)}
+        if options["type"] in (int, float):
+            options["type"] = partial(_one_number, options["type"])
         if value is bool:
             options = {"action": argparse.BooleanOptionalAction}
         flag = "--" + field.name.replace("_", "-")

@@ -14,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="vectors (.h5, .nc, ...), or images: two or more, folder, glob, video, .mraw or .h5",
     )
     parser.add_argument("--images", nargs="+", help="the recording behind the vectors")
+    parser.add_argument("--mask", help="as of piv correlate, for pairs that are tried")
     parser.add_argument("-o", "--output", type=Path, default=Path("regions.json"),
                         help="masks and region that are drawn (default %(default)s)")  # fmt: skip
     parser.add_argument(
@@ -28,11 +29,11 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
     from piv.view.server import serve
 
-    scene = open_scene(args.file, args.images)
+    scene = open_scene(args.file, args.images, args.mask)
     scene.extent()  # raises where the scale is unknown, before the page opens
 
     def ready(address: str) -> None:
         if not args.quiet or args.no_browser:
-            print(f"{address}: {scene.count} steps; Ctrl-C ends it", flush=True)
+            print(f"{address}\n{scene.count} steps; Ctrl-C ends it", flush=True)
 
     serve(scene, args.output, args.port, not args.no_browser, ready)

@@ -63,6 +63,12 @@ class Options:
     )
 
     def __post_init__(self) -> None:
+        for name in ("window", "least_window", "spacing", "search"):
+            if np.ndim(getattr(self, name)):
+                raise ValueError(
+                    f"{name} is one number, the same along x and y, got {getattr(self, name)}; "
+                    "windows shrink by themselves where the flow requires it (least_window)"
+                )
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
         if self.method not in _METHODS:

@@ -27,6 +27,7 @@ from piv.correlation.newton_step import CELL
 from piv.correlation.options import Options, OptionWords, grid, with_options
 from piv.correlation.pair_images import Prepared
 from piv.correlation.passes import Displacements, vector_dataset
+from piv.correlation.retry import best_of
 from piv.correlation.steep_regions import measure_steep_regions
 from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
 from piv.formats.plane_series import (
@@ -64,8 +65,12 @@ def correlate_pair(
         from piv.correlation.optical_flow import optical_flow
 
         return optical_flow(a, b, mask, settings)
-    with image_buffers(np.shape(a)) as new:
-        return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+
+    def correlate(a: Any, b: Any, settings: Options) -> xr.Dataset:
+        with image_buffers(np.shape(a)) as new:
+            return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+
+    return best_of(a, b, settings, correlate)
 
 
 def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
@@ -213,7 +218,7 @@ def to_dataset(
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     uncertain = above & (worst < _VAGUE)
-    if known.sum() < RARE * (~v.masked).sum():
+    if (known | uncertain).sum() < RARE * (~v.masked).sum():
         uncertain &= v.correlation > doubtful
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER

@@ -21,6 +21,12 @@ BOX = 7  # px at half resolution: of the local mean
 # the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
 # halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
+SURE = 1.5  # standard errors that are taken off the signal
+_TAPERED = 2.25  # frequencies of a tapered tile per independent one: 1.5 each way of Hann's window
+# px²: fall of the log of the spectrum with the squared frequency, of images 2.5 px wide (π² d²/4),
+# and standard error of a fitted one that is as good as that: pairs that correlate have 1 to 4, few
+# particles in noise 7 to 60
+_USUAL, _POOR = 15.0, 7.0
 _LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
@@ -94,8 +100,8 @@ def tile_rows(rows: int, columns: int, seen: ndarray | None) -> ndarray:
     return first[((np.arange(count) + 0.5) * first.size / max(count, 1)).astype(int)]
 
 
-# sums over tiles of the cross power and of half the power of the difference
-Powers = tuple[ndarray, ndarray]
+# sums over tiles of the cross power and of half the power of the difference, number of tiles
+Powers = tuple[ndarray, ndarray, int]
 
 
 def strip_powers(a: ndarray, b: ndarray, weight: ndarray) -> Powers | None:
@@ -112,18 +118,25 @@ def strip_powers(a: ndarray, b: ndarray, weight: ndarray) -> Powers | None:
     return (
         np.sum(fa.real * fb.real + fa.imag * fb.imag, axis=0),
         0.5 * np.sum(difference.real**2 + difference.imag**2, axis=0),
+        len(fa),
     )
 
 
 def radial_spectra(powers: list[Powers]):
-    """Radial spectra (frequency, signal, noise) of two aligned images; None without powers."""
+    """Radial spectra (frequency, signal, noise) of two aligned images; None without powers.
+
+    The signal is less `SURE` of its standard errors: where it drowns in noise, chance would pass
+    for signal, and white noise be let in.
+    """
     if not powers:
         return None
+    cross, difference, tiles = (sum(parts) for parts in zip(*powers, strict=True))
     bins = np.rint(_radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
-    signal, noise = (
-        np.bincount(bins, np.sum([p[k] for p in powers], axis=0).ravel()) / count for k in (0, 1)
-    )
+    signal, noise = (np.bincount(bins, p.ravel()) / count for p in (cross, difference))
+    samples = count * tiles / _TAPERED
+    error = np.sqrt((np.maximum(signal, 0) * noise + noise**2 / 2) / samples)
+    signal = signal - SURE * error
     return np.arange(count.size) / TILE, signal, noise
 
 
@@ -156,10 +169,14 @@ def _folded_share(frequency: ndarray, signal: ndarray) -> ndarray:
     """Power that sampling has folded back to each frequency, over that which belongs there.
 
     The spectrum of particle images is taken for Gaussian; its width is fitted where hardly any
-    power is folded.
+    power is folded. Where the fit is poor, images are taken to be of the _USUAL width.
     """
     fit = (frequency > 0.06) & (frequency < 0.2)
-    slope = -np.polyfit(frequency[fit] ** 2, np.log(signal[fit]), 1)[0]
+    (fall, _), ((variance, _), _) = np.polyfit(
+        frequency[fit] ** 2, np.log(signal[fit]), 1, cov=True
+    )
+    share = 1 / (1 + (variance / _POOR**2) ** 4)
+    slope = share * -fall + (1 - share) * _USUAL
     return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 
 

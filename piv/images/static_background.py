@@ -1,9 +1,9 @@
 """What stands still in a sequence while particles move past it: streaks, scratches and reflections.
 
 The least grey value over the frames of a pixel holds what is static, and particles at rest as well.
-Those stay: a cell counts as static only where its texture that does not change is as strong as that
-of the particles elsewhere and particles move past it, or where it is so bright that no particles
-can be there.
+Those stay: it is taken off only in cells that all particles have left, with their neighbours. Other
+cells count as static where their texture that does not change is as strong as that of the particles
+elsewhere and particles move past it, or where it is so bright that no particles can be there.
 """
 
 import cv2
@@ -21,6 +21,9 @@ _LEAST_FRAMES = 5  # with fewer, particles overlap themselves too often
 STATIC, MOVING, BRIGHT = 1.0, 0.25, 10.0
 # of the brightest pixel of all frames: what is always so bright shows no particles
 _SATURATED = 0.98
+# of the change over more than half of the frames, that over less; and what a mean over 3 x 3 px
+# leaves of it: of white noise a ninth, of particle images a half
+_CEASED, _COLOURED = 0.7, 0.25
 _LEAST_AREA = 5e-4  # share of the picture; a few odd cells are no background
 
 
@@ -33,8 +36,8 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     if len(recording) < _LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
-    apart = max(1, len(chosen) // 4)
-    few = []
+    apart = max(1, len(chosen) // 6)
+    few: list[ndarray] = []
     least, top = np.full(recording.shape, np.inf, np.float32), -np.inf
     for k, image in enumerate(FrameCheck(recording).images(chosen)):
         top = max(top, float(image.max()))
@@ -53,10 +56,13 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     cells = (unchanging > STATIC * particles) & (changing > MOVING * particles) | (
         unchanging > BRIGHT * particles
     )
-    if not _LEAST_AREA < cells.mean() < 0.5:
-        return None
+    around = np.ones((3, 3), np.uint8)
     # what is static reaches into the next cells, too weak to be seen there
-    cells = cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8))
+    cells = cv2.dilate(cells.astype(np.uint8), around) if cells.mean() < 0.5 else 0 * cells
+    left = _left_by_particles(few).astype(np.uint8)
+    cells = np.maximum(cells, cv2.erode(left, around)).astype(np.uint8)
+    if not cells.mean() > _LEAST_AREA:
+        return None
     rows, columns = least.shape
     where = np.zeros(least.shape, np.float32)
     full = cv2.resize(cells, None, fx=CELL, fy=CELL, interpolation=cv2.INTER_NEAREST)[
@@ -66,8 +72,22 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     # rows and columns left over by whole cells go with the last ones
     where[full.shape[0] :] = where[full.shape[0] - 1]
     where[:, full.shape[1] :] = where[:, full.shape[1] - 1 : full.shape[1]]
-    level = float(np.median(least))
+    level = float(np.percentile(least, 5))
     return np.maximum(least - level, 0) * where, (least >= _SATURATED * top) & (where > 0)
+
+
+def _left_by_particles(images: list[ndarray]) -> ndarray:
+    """Cells (bool) where what changes is no white noise, and has long ceased to grow with time."""
+    grown: dict[bool, list[ndarray]] = {True: [], False: []}
+    coarse = []
+    for lag in range(1, len(images)):
+        far = lag > len(images) // 2
+        for a, b in zip(images[:-lag], images[lag:], strict=True):
+            change = _texture(b) - _texture(a)
+            grown[far].append(_variance(change))
+            coarse.append(_variance(cv2.blur(change, (3, 3))))
+    near, far = (np.mean(grown[key], axis=0) for key in (False, True))
+    return (near > _CEASED * far) & (np.mean(coarse, axis=0) > _COLOURED * near)
 
 
 def _texture(image: ndarray) -> ndarray:

@@ -71,11 +71,16 @@ def speed_scale(planes: xr.Dataset) -> float:
     return max(float(np.percentile(speed, 99)), 1e-12)
 
 
+def round_below(value: float) -> float:
+    """The largest of 1, 2, 5, 10 … that does not exceed a positive value."""
+    ten = 10.0 ** np.floor(np.log10(value) + 1e-9)
+    return float(f"{ten * max(k for k in (1, 2, 5) if k * ten <= value * (1 + 1e-9)):.1g}")
+
+
 def vorticity_scale(planes: xr.Dataset, name: str = "vorticity") -> float:
-    """99.5th percentile of |vorticity|, or of another variable."""
+    """Largest |vorticity|, or value of another variable: the peak of a small core has a colour."""
     omega = np.abs(shaded(planes, name))
-    omega = omega[np.isfinite(omega)]
-    return max(float(np.percentile(omega, 99.5)) if omega.size else 1.0, 1e-12)
+    return max(float(np.max(omega, where=np.isfinite(omega), initial=0.0)), 1e-12)
 
 
 def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
@@ -113,6 +118,7 @@ def draw(
     name = r"vorticity $\omega_z$" if style.colour_by == "vorticity" else style.colour_by
     label = f"{name} ({unit_of(plane, style.colour_by)})"
     speed = speed or speed_scale(plane)
+    key = round_below(speed)
     aspect = float(np.ptp(y) / np.ptp(x))
     with plt.rc_context({"font.size": 9, "font.family": "DejaVu Sans", "axes.linewidth": 0.8}):
         size = (_WIDTH_IN, min(max(_WIDTH_IN * 0.82 * aspect + 0.9, 2.4), 9.0))
@@ -148,8 +154,8 @@ def draw(
                 arrows,
                 0.86,
                 1.03,
-                speed,
-                f"{speed:.3g} {velocity}",
+                key,
+                f"{key:g} {velocity}",
                 labelpos="E",
                 coordinates="axes",
             )

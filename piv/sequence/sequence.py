@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
@@ -117,6 +118,7 @@ def correlate_recording(
     threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
     shake_unknown = blank = 0
     shares: dict[int, float] = {}
+    retried: Counter[str] = Counter()
     try:
         if sequence.ensemble:
 
@@ -146,6 +148,7 @@ def correlate_recording(
             else:
                 shares[k] = float(usable(plane).mean())
             shake_unknown += plane.attrs.get("shake_unknown", 0)
+            retried.update([plane.attrs["retried"]] if "retried" in plane.attrs else [])
             bar.update()
         bar.close()
         if blank == len(sets):
@@ -163,6 +166,12 @@ def correlate_recording(
                 f"{output}: the shares of usable vectors alternate from field to field, "
                 f"{apart[0]:.0%} and {apart[1]:.0%} in the median: are these pairs? "
                 f"Then give --pairing {PAIRINGS[1]}",
+                file=sys.stderr,
+            )
+        for way, number in retried.most_common():
+            print(
+                f"{output}: {number} of {len(sets)} fields were correlated another way, which "
+                f"explains more of their pictures: {way}",
                 file=sys.stderr,
             )
         if blank:

@@ -113,6 +113,7 @@ def proposal(scene: Scene, settings: dict[str, Any]) -> dict[str, str]:
                 words.append(f"--{flag}" if value else f"--no-{flag}")
             else:
                 words += [f"--{flag}", str(value)]
+    words += ["--mask", scene.mask] if scene.mask is not None else []
     return {"flags": shlex.join(words), "note": note}
 
 

@@ -17,6 +17,7 @@ from piv.formats.plane_series import check_vectors, usable
 from piv.formats.recording import pixel_of
 from piv.images.file_names import PAIRINGS
 from piv.images.open_recording import open_recording
+from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording
 from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from piv.vortices.criteria import gradients, vorticity
@@ -32,6 +33,7 @@ class Scene:
     name: str
     recording: Recording | None
     series: xr.Dataset | None
+    mask: str | None = None  # of the recording, as of `piv correlate`
 
     @property
     def count(self) -> int:
@@ -149,8 +151,19 @@ def with_vorticity(plane: xr.Dataset) -> xr.Dataset:
     return plane.assign(vorticity=(("y", "x"), found, {"units": unit}))
 
 
-def open_scene(source: Sequence[str], images: Sequence[str] | None = None) -> Scene:
-    """A scene from a file of vectors or a recording, and the images behind the vectors."""
+def open_scene(
+    source: Sequence[str], images: Sequence[str] | None = None, mask: str | None = None
+) -> Scene:
+    """A scene from a file of vectors or a recording, the images behind the vectors, their mask."""
+    scene = _open_scene(source, images)
+    if mask is None:
+        return scene
+    if scene.recording is None:
+        raise ValueError(f"{mask}: a mask is of images; give --images")
+    return replace(scene, recording=part_of_recording(scene.recording, mask), mask=mask)
+
+
+def _open_scene(source: Sequence[str], images: Sequence[str] | None) -> Scene:
     path = Path(source[0])
     vectors = path.suffix.lower() in VECTOR_SUFFIXES
     if path.suffix.lower() == ".h5" and path.is_file():

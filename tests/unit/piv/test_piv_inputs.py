@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from piv.correlation.options import Options
 from piv.images.masks import read_polygon
 from tests.piv_command import made, piv
 
@@ -71,3 +72,23 @@ def test_a_polygon_may_have_a_line_of_names(tmp_path):
     path.write_text("x_px, y_px\n0, 0\n10, zero\n10, 5\n")
     with pytest.raises(ValueError, match="expected two numbers a line"):
         read_polygon(path)
+
+
+def test_a_mask_that_may_be_inverted_asks(pair, tmp_path, capsys):
+    rows, columns = cv2.imread(str(pair[0]), cv2.IMREAD_GRAYSCALE).shape
+    most = np.full((rows, columns), 255, np.uint8)
+    most[rows // 4 :, : columns // 3] = 0
+    for k, mask in enumerate((most, 255 - most)):
+        cv2.imwrite(str(tmp_path / "m.png"), mask)
+        made("correlate", *pair, "-o", tmp_path / "o.h5", "--mask", tmp_path / "m.png")
+        assert ("m.png: masks 75% of the picture; is it inverted?" in capsys.readouterr().err) == (
+            k == 0
+        )
+
+
+def test_a_window_is_square(pair, tmp_path, capsys):
+    assert piv("correlate", *pair, "-o", tmp_path / "o.h5", "--window", "64x32") == 2
+    words = "give one number (windows and spacings are the same along x and y), got '64x32'"
+    assert words in capsys.readouterr().err
+    with pytest.raises(ValueError, match="window is one number, the same along x and y"):
+        Options(window=(64, 32))

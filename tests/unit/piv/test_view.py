@@ -169,6 +169,20 @@ def address(folder):
         yield address
 
 
+def test_a_pair_that_is_tried_keeps_the_mask(folder):
+    body = np.zeros(SHAPE, np.uint8)
+    body[:40, 90:] = 255
+    cv2.imwrite(str(folder / "body.png"), body)
+    mask = str(folder / "body.png")
+    scene = open_scene([str(folder / "piv.h5")], [str(folder / "run")], mask)
+    assert "--mask" in answers.proposal(scene, {})["flags"]
+    masked = answers.tried(scene, 1, {}, [])["flag"] == 2
+    assert masked.sel(x=slice(100, None), y=slice(66, None)).all()
+    assert not masked.sel(x=slice(30, 70), y=slice(20, 50)).any()
+    with pytest.raises(ValueError, match="a mask is of images; give --images"):
+        open_scene([str(folder / "piv.h5")], mask=mask)
+
+
 def test_a_stranger_is_refused(address, folder):
     _, port, secret = re.match(r"http://(.*):(\d+)/(.*)/", address).groups()
 

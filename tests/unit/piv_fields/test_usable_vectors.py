@@ -9,7 +9,7 @@ from piv.fields.lines import along_line
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.fields.statistics import statistics
 from piv.formats.plane_series import UNCERTAIN, make_plane, usable
-from piv.plots.vectors import vorticity
+from piv.plots.vectors import round_below, vorticity, vorticity_scale
 from piv.synthetic.plane_spline import PlaneField
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
@@ -75,3 +75,11 @@ def test_uncertain_vectors_weigh_less_in_the_fit_of_a_vortex(unsure):
     misled, told = (find_vortices(p)[0].circulation_fit for p in (wrong, far))
     assert told == pytest.approx(1e-3, rel=0.005)
     assert abs(misled - 1e-3) > 5e-5
+
+
+def test_a_small_core_is_within_the_colours_and_the_key_arrow_is_a_round_number():
+    x = np.arange(0.0, 400, 4)
+    u = 0.0 * x + 0 * x[:, None]
+    u[50, 50] = 8.0  # one vector in ten thousand
+    assert vorticity_scale(make_plane(x, x, u, 0 * u)) == pytest.approx(1.0)  # 8 px over 2 * 4 px
+    assert [round_below(v) for v in (0.00137, 0.0499, 1.0, 7.3, 23.0)] == [0.001, 0.02, 1, 5, 20]
