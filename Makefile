@@ -7,7 +7,7 @@ NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
 TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
-    bench-piv audit clean
+    bench-piv evidence audit clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
@@ -88,6 +88,21 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
+
+# each with the CPU time that its records or page state; "hours" was never measured nearer
+evidence: .venv-docs/.ready .venv-study/.ready ## all tables and pictures of the docs anew (days)
+	@$(MAKE) validate                                 # 38 min, and hours of the finger's grids
+	@$(MAKE) bench-piv                                # hours
+	@$(MAKE) tradeoff SCENE=single_finger             # hours
+	@$(RUN) study cases/single_finger/studies/stability.csv
+	@$(RUN) study cases/pinch/studies/stability.csv   # 74 runs of both: 15 min
+	@$(PY) -m docs.evidence.stability
+	@$(MAKE) faults                                   # 900 faults: hours
+	@$(PY) -m docs.evidence.laboratory 241 280        # hours
+	@$(RUN) study cases/pinch/studies/variations.csv  # hours
+	@$(PY) -m docs.evidence.pinch
+	@$(PY) -m docs.evidence.ranks
+	@$(MAKE) docs                                     # 1 h
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once
 	@$(PY) -m docs.evidence.faults

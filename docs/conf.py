@@ -1,7 +1,6 @@
 """Sphinx configuration of `make docs`: pages of docs/ and docstrings, without network."""
 
 import ast
-import json
 import os
 import re
 import sys
@@ -54,7 +53,6 @@ TAKEN = {
         RESULTS,
         r"#[^\n]*\n(.*)",
     ),
-    "site/results": ("", "docs/tutorials/results.ipynb", r"(.*)"),
 }
 PAGE_NAME = re.compile(r"(?<!\]\()(?<![`/\w])docs/(\w+)\.md(?!`)")
 PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "index"}
@@ -72,7 +70,7 @@ def fill_page(app, page, source):
         head, file, pattern = TAKEN[page]
         app.env.note_dependency(str(ROOT / file))  # else the page stays as it was
         whole = (ROOT / file).read_text(encoding="utf-8")
-        taken = re.search(pattern, notebook(whole) if file.endswith(".ipynb") else whole, re.DOTALL)
+        taken = re.search(pattern, whole, re.DOTALL)
         if not taken:
             raise ValueError(
                 f"{file}: lacks the headings between which docs/conf.py takes its text: {pattern}"
@@ -82,20 +80,6 @@ def fill_page(app, page, source):
     if page == "site/python":
         text += public_names()
     source[0] = relink(name_pages(text, folder), folder, (DOCS / page).parent)
-
-
-def notebook(text):
-    """A notebook as Markdown: text, code and printed output."""
-    parts = []
-    for cell in json.loads(text)["cells"]:
-        source = "".join(cell["source"])
-        parts.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
-        parts += [
-            f"```text\n{''.join(output['text'])}\n```"
-            for output in cell.get("outputs", [])
-            if "text" in output
-        ]
-    return "\n\n".join(parts)
 
 
 def name_pages(text, of):

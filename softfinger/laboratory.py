@@ -70,6 +70,8 @@ def compare_with(
     scene, labs = run.scene, run.out / "lab"
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
     names = [dpiv.folder.resolve().name for dpiv in dpivs]
+    if len(set(names)) < len(names):
+        raise StageError(f"DPIV: two folders have one name ({', '.join(names)}); rename one")
     lab = labs / "+".join(names)
     make(run, "kinematics", machine, quiet)
     lab.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
 from pipeline.formats.user_tables import read_history
-from pipeline.kinematics.pressure_law import measured_law
+from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
@@ -253,7 +253,9 @@ def advice(scene: Scene) -> str:
     """What to do next, with predicted times and sizes; nothing has been analysed yet."""
     folder = scene.folder
     runs = [open_run(folder, level) for level in _LEVELS]
+    remark = absolute(folder / str(scene.motion.pressure_csv))
     lines = [
+        *([f"warning: {remark}"] if remark else []),
         f"{folder / 'scene.toml'}: look at what it assumes, then",
         f"{command('fea', folder):40s} about {duration(estimate(runs[0], FEA.name)[0])}",
     ]

@@ -30,13 +30,23 @@ hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that need OpenFOAM are skipped where it is not installed."""
+    """Skip what needs OpenFOAM where it is missing; put long tests first in both halves.
+
+    Two processes begin with a half each, and then take tests from the end of the other's half. So
+    no module with a run that its tests share is divided, and the last tests are short ones.
+    """
     if shutil.which("pimpleFoam") is None:
         missing = pytest.mark.skip(reason="OpenFOAM is not installed")
         for item in items:
             if item.get_closest_marker("openfoam"):
                 item.add_marker(missing)
+    modules = list(dict.fromkeys(item.path for item in items if item.path.parent.name == "cases"))
+    one, other = ([i for i in items if i.path in modules[k::2]] for k in (0, 1))
+    short = [item for item in items if item.path not in modules]
+    rest = max(len(items) // 2 - len(one), 0)
+    items[:] = [*one, *short[:rest], *other, *short[rest:]]
 
 
 def motion_of(scene: Scene) -> FingerMotion:

@@ -139,7 +139,7 @@ def synthetic(path: Path) -> None:
 def of_tests(folder: Path) -> None:
     """Pictures of the tutorials and of the viewer, by the tests that do their steps."""
     tests = (
-        "tests/cases/test_tutorials.py::test_an_own_finger_its_recording_and_its_results",
+        "tests/cases/test_tutorials.py::test_an_own_finger_and_its_recording",
         "tests/unit/piv/test_view_task.py",
     )
     if pytest.main([*tests, "-q", f"--basetemp={folder / 'test'}"]):
@@ -148,7 +148,6 @@ def of_tests(folder: Path) -> None:
     flow = sorted((out / "figures").glob("flow_*.webp"))
     _copy(flow[len(flow) // 2], DOCS / "tutorials/own_finger")
     _copy(out / "lab/recording/figures/series.svg", DOCS / "tutorials/comparison")
-    _copy(out / "results.png", DOCS / "tutorials/results")
     for picture in folder.glob("test/**/view*.png"):  # none without a browser
         _copy(picture, DOCS / picture.stem)
 

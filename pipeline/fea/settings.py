@@ -1,11 +1,13 @@
 """The sections `[actuator]`, `[actuator.materials.*]` and `[fea]` of a scene."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pipeline.fea.silicones import material_of
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 # m; an actuator of a metre is millimetres misread
@@ -34,6 +36,14 @@ class Material(_Frozen):
     """Of the rubber; that of Dragon Skin 30 by its data sheet [kg/m³]"""
     name: str = ""
     """For people"""
+    material: str | None = None
+    """A silicone of the table in docs/fea.md, in place of law, parameters, bulk and density"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_table(cls, keys: Any) -> Any:
+        named = isinstance(keys, dict) and keys.get("material") is not None
+        return keys | material_of(keys["material"]) if named else keys
 
     def number(self, key: str) -> float:
         """A parameter that is one number; raises ValueError."""
@@ -81,6 +91,16 @@ class Actuator(_Frozen):
     """Height of the air channel between chambers; not given by the paper [m]"""
     materials: _Materials
     """Of the two layers"""
+    material: str | None = None
+    """A silicone of the table in docs/fea.md, for both layers"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_material(cls, keys: Any) -> Any:
+        if not isinstance(keys, dict) or keys.get("material") is None:
+            return keys
+        layer = {"material": keys["material"]}
+        return keys | {"materials": {"upper": layer, "lower": layer}}
 
     @model_validator(mode="after")
     def _sensible(self) -> "Actuator":

@@ -47,7 +47,8 @@ def _remedy(scene: Scene, path: Path) -> str:
     table: dict[str, Any] = {}
     for layer in read_layers(owner / "scene.toml") if (owner / "scene.toml").exists() else ():
         table = merge(table, layer.base)
-    same = owner == scene.folder or table.get("actuator") == scene.actuator
+    equal = all(table.get(key, {}) == getattr(scene, key) for key in ("actuator", "fea"))
+    same = owner == scene.folder or equal
     folder = owner if same else scene.folder
     own = "it anew" if same else "this scene's own"
     return f"analyse {own} with {command('fea', folder)}"

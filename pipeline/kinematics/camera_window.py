@@ -11,7 +11,7 @@ from pipeline.scene.measurement import Camera
 from pipeline.scene.predicted import picture_of
 from pipeline.scene.scene import Scene
 
-_STILL = 0.02  # of the peak speed
+_NOISE = 0.05  # of the way: a sensor's noise at rest is no turn
 _SHAPES = 61  # over the motion's pressures: the tip moves by a few degrees between two
 _ROOM = 0.45  # of the finger's length, around root and path, for the vortices that the tip sheds
 # of PIV in the finger's thickness: with 1.7 the circulation of the tip's vortex was known at 0 of 8
@@ -39,8 +39,19 @@ def tip_path(scene: Scene) -> TipPath:
     tip = motion.to_tank(np.array([motion.shapes.tip(p)[0] for p in known]))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(tip, axis=0).T))])
     speed = np.gradient(np.interp(parameter, known, way), time)
-    moving = np.sign(speed[np.abs(speed) > _STILL * np.abs(speed).max()])
-    return TipPath(tip, float(np.abs(speed).max()), int((np.diff(moving) != 0).sum()))
+    return TipPath(tip, float(np.abs(speed).max()), _turns(np.interp(parameter, known, way)))
+
+
+def _turns(way: ndarray) -> int:
+    """How often a way turns back by more than a sensor's noise."""
+    least, count, side, furthest = _NOISE * np.ptp(way), 0, 0, way[0]
+    for place in way.tolist():
+        if abs(place - furthest) > least and np.sign(place - furthest) != side:
+            count += side != 0
+            side, furthest = np.sign(place - furthest), place
+        elif side * (place - furthest) > 0:
+            furthest = place
+    return int(count)
 
 
 def following(scene: Scene) -> dict[str, Any]:

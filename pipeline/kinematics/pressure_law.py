@@ -11,6 +11,7 @@ from pipeline.formats.user_tables import read_history
 from pipeline.scene.sections import SMOOTHING
 from piv.files.errors import StageError
 
+_ATMOSPHERE = 90e3  # Pa, or more: at rest no finger has so much
 _FEWEST = 3  # rows of a long table within the run; fewer are a sign of times in ms
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
@@ -65,6 +66,17 @@ def measured_law(path: Path, smoothing: float = SMOOTHING, end_time: float = np.
     if smoothing:
         return _averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
+
+
+def absolute(path: Path) -> str:
+    """A remark on a history that begins as absolute pressures do; "" on another."""
+    start = float(read_history(path, "pressure", least=2)[1][0])
+    if start < _ATMOSPHERE:
+        return ""
+    return (
+        f"{path} begins at {start / 1e3:.4g} kPa, as absolute pressures do: a finger's is against"
+        " the water around it; subtract the pressure at rest"
+    )
 
 
 def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.formats.kinematics import write_kinematics
 from pipeline.kinematics.contact import closing_sentence
 from pipeline.kinematics.finger import clipping
+from pipeline.kinematics.pressure_law import absolute
 from pipeline.kinematics.values import kinematics_values, units_of
 from pipeline.scene.scene import Scene
 
@@ -39,7 +40,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
                 " with a jump of its slope: the first peak of force is that of an impulsive start;"
                 " give motion.smoothing, or rows of rest before"
             )
-        if remark := clipping(scene.motion, scene.finger, scene.folder):
-            print(f"kinematics: warning: {remark}")
+        table = scene.motion.pressure_csv
+        beyond = clipping(scene.motion, scene.finger, scene.folder)
+        for remark in (beyond, absolute(scene.folder / table) if table else ""):
+            print(f"kinematics: warning: {remark}") if remark else None
         if scene.pinch is not None:
             print(f"kinematics: {closing_sentence(values)}")

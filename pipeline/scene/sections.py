@@ -264,7 +264,7 @@ class Mesh(Section):
     planform: Literal["triangles", "quads"] = "triangles"
     """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
-    """Of any cell at any time; a coupled run, which finds its shapes, may exceed it by 5 [deg]"""
+    """Of any cell at any time; a coupled run, which finds its shapes, may exceed it by 8 [deg]"""
     usual_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 70.0
     """Not exceeded for 95 % of the time [deg]"""
     jet_reach: NotNegative = 0.03

@@ -13,6 +13,7 @@ from pipeline.formats.mesh_intervals import PER_FINGER
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
+from pipeline.scene.read_toml import command
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
@@ -97,6 +98,13 @@ class ElasticFinger:
         return self.in_actuator(points - self.root) + edge
 
 
+def stiffness_remedy(scene: Scene) -> str:
+    """How a bending stiffness comes to be known: imported states never have one."""
+    given = "give structure.bending_stiffness (N m2)"
+    analysed = scene.fea.get("engine") != "import" and scene.actuator
+    return f"analyse it with {command('fea', scene.folder)}, or {given}" if analysed else given
+
+
 def copies(scene: Scene) -> float:
     """Times that the loads of the computed part are those of the water on a whole finger."""
     return PER_FINGER[scene.model.kind] * scene.load_share
@@ -131,8 +139,8 @@ def modelled_shapes(scene: Scene) -> States:
     finger = ElasticFinger.of(scene)
     if not finger.known:
         raise StageError(
-            f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which"
-            " COUPLED=1 needs: analyse it with make fea, or give structure.bending_stiffness (N m2)"
+            f"{scene.folder / 'scene.toml'}: motion.states has no bending stiffness, which a"
+            f" coupled motion needs: {stiffness_remedy(scene)}"
         )
     step, end = scene.numerics.time_step, scene.motion.end_time
     time = step * np.arange(round(end / step) + 1)

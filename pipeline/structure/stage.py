@@ -17,15 +17,14 @@ from pipeline.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.structure.energy import energies
-from pipeline.structure.finger import ElasticFinger, Posed, copies
+from pipeline.structure.finger import ElasticFinger, Posed, copies, stiffness_remedy
 from pipeline.structure.motion import STEP, at_rest, motion
 from pipeline.structure.vibration import LOSS_BAND
 from piv.files.errors import StageError
 
 _UNKNOWN = (
     "The motion is prescribed, and motion.states says no bending stiffness, so what the water would"
-    " do to the finger is not known: analyse it with make fea, or give structure.bending_stiffness"
-    " (N m2)."
+    " do to the finger is not known: "
 )
 _STEPS, _VIBRATIONS = 150, 8  # of a vibration; after the run: one loses a third of its energy
 _NOT_FOLLOWED = "The finger's motion in air and in modelled water is not computed"
@@ -114,7 +113,9 @@ def run(scene: Scene, quiet: bool = False) -> None:
     pressures = CubicSpline(law["time"].values, law["pressure"].values)
     time = np.linspace(0.0, end, round(end / STEP) + 1)
     delta = np.zeros((len(time), finger.chain.slices))
-    values: dict[str, Any] = {"coupled": 0, "unknown": "" if finger.known else _UNKNOWN}
+    values: dict[str, Any] = {"coupled": 0, "unknown": ""}
+    if not finger.known:
+        values["unknown"] = f"{_UNKNOWN}{stiffness_remedy(scene)}."
     if scene.coupled:
         file = read_elastic_motion(scene.out / FILE)
         time, delta = file["time"].values, file["delta"].values

@@ -81,7 +81,7 @@ def _said(windows: pd.DataFrame, table: pd.DataFrame, scene: str, level: str) ->
         f"{_percent(error)} until {end:.3f}{NBSP}s"
         for error, end in zip(windows["error"], windows["end_s"], strict=True)
     )
-    against = "extrapolated from the two levels below"
+    against = "extrapolated from the levels below"
     if pd.notna(best := windows["reference"].iloc[0]):
         against = f"against level {best}, the finest whole stroke that was run"
         own = table.loc[table["run"] == best, "error"].max()

@@ -12,7 +12,7 @@ from pipeline.kinematics.camera_window import tip_path
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME, STAGES, until
-from pipeline.scene.read_toml import command
+from pipeline.scene.read_toml import command, read_layers
 from pipeline.scene.scene import Scene, load_scene
 from piv.files.errors import StageError
 from piv.files.json_text import parse_json
@@ -240,7 +240,12 @@ def make_cheapest(
     error = parse_accuracy(accuracy) if accuracy else None
     time = parse_time(budget, "BUDGET") if budget else None
     last = parse_time(until, "--until") if until else np.inf
-    path, warning = results_of(open_run(folder).scene)
+    try:
+        path, warning = results_of(open_run(folder).scene)
+    except StageError:
+        if time is None:
+            raise
+        return _make_finest(folder, time, machine, quiet)
     if warning:
         print(warning)
     settings, head = read_results(path)
@@ -265,4 +270,35 @@ def make_cheapest(
         cpu = sum(record["cpu_time"] for record in records if record)
         ratio = cpu / times[index] - 1
         print(f"took {cpu:.0f} s of CPU; predicted {times[index]:.0f} s, {ratio:+.0%}")
+    return run
+
+
+def finest_within(folder: Path, time: float) -> tuple[Run, float]:
+    """The run of the level that takes longest within `time` (s) by its estimate, and its estimate.
+
+    StageError with the fastest where none does.
+    """
+    layers = read_layers(folder / "scene.toml")
+    names = dict.fromkeys(name for layer in layers for name in layer.levels)
+    runs = [open_run(folder, name, {}, folder / "out" / "asked" / name) for name in names]
+    times = [sum(estimate(run, stage.name)[0] for stage in STAGES) for run in runs]
+    good = [k for k in range(len(runs)) if times[k] <= time]
+    if not good:
+        fast = int(np.argmin(times))
+        raise StageError(
+            f"no level takes {time:.0f} s or less; the fastest, {runs[fast].scene.level}, takes"
+            f" about {times[fast]:.0f} s"
+        )
+    best = max(good, key=lambda k: times[k])
+    return runs[best], times[best]
+
+
+def _make_finest(folder: Path, time: float, machine: Machine, quiet: bool) -> Run:
+    run, seconds = finest_within(folder, time)
+    if not quiet:
+        print(
+            f"level {run.scene.level}: its error is not measured for this scene; about"
+            f" {duration(seconds)} of CPU on this machine"
+        )
+    make(run, "report", machine, quiet)
     return run

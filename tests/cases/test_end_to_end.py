@@ -8,20 +8,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from docs.evidence.examples import NAMES, place, run_example
 from pipeline.formats.finger_loads import read_loads
 from pipeline.openfoam.function_objects import read_function_object
 from piv.formats.plane_series import read_plane
 from tests.axe.check import serious_findings
 from tests.cases.conftest import make
-from tests.conftest import CASES
+from tests.conftest import CASES, ROOT
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
 
 
-def made(project: Path, scene: str) -> Path:
-    """Make a scene; the folder of its results."""
-    done = make(project, scene)
+def made(project: Path, scene: str, stage: str = "") -> Path:
+    """Make a scene, up to its page or a stage; the folder of its results."""
+    done = make(project, scene + stage)
     assert done.returncode == 0, done.stderr[-3000:]
     return project / "cases" / scene / "out" / "smoke"
 
@@ -114,7 +115,7 @@ def test_a_second_make_does_nothing_and_a_number_redoes_what_follows(finger, pro
 
 
 def test_deflation_draws_the_water_up_along_the_fingers_trace(project):
-    out = made(project, "single_deflate")
+    out = made(project, "single_deflate", ".compare")
     upward = [check for name, check in checks_of(out).items() if "upward" in name]
     assert upward
     assert all(c["met"] for c in upward), [c["measured"] for c in upward]
@@ -217,8 +218,25 @@ def test_more_ranks_than_cores_still_finish(project):
     case = project / "cases" / "dense"
     case.mkdir()
     (case / "scene.toml").write_text(DENSE)
-    done = make(project, "dense.run", "LEVEL=dense", "NP=4")
+    done = make(project, "dense.solve", "LEVEL=dense", "NP=4")
     assert done.returncode == 0, done.stderr[-3000:]
     run = read(case / "out" / "dense" / "run" / "run.json")
     assert run["cells"] >= 4 * 5000  # a smaller mesh gets fewer ranks
     assert run["ranks"] == 4
+
+
+@pytest.fixture(scope="module")
+def laid(finger, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("examples")
+    place(folder, finger)
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_draws_its_picture_in_few_lines(laid, name):
+    if name == "study" and not (ROOT / ".venv-study" / ".ready").exists():
+        pytest.skip("Snakemake is not installed: make .venv-study/.ready")
+    script = (ROOT / "docs" / "examples" / f"{name}.py").read_text()
+    assert len(script.splitlines()) <= 30
+    assert f"examples/{name}.png" in (ROOT / "docs" / "gallery.md").read_text()
+    assert run_example(name, laid).stat().st_size > 5_000  # an empty picture has less

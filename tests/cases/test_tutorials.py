@@ -4,7 +4,6 @@ A block after a line that names a file is that file, `sh` and `python` blocks ar
 of a `text` block are in the output of the block before it, in order; `…` stands for anything.
 """
 
-import json
 import re
 import shutil
 import subprocess
@@ -70,16 +69,6 @@ def expect(lines: list[str], printed: str, page: str) -> None:
         rest = rest[match.end() :]
 
 
-def follow_notebook(name: str, folder: Path) -> None:
-    """Run a notebook's cells one after the other, in its folder's root."""
-    cells = json.loads((TUTORIALS / name).read_text(encoding="utf-8"))["cells"]
-    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    printed = run([sys.executable, "-c", "\n".join(code)], folder)
-    for cell in cells:
-        for output in cell.get("outputs", ()):
-            expect("".join(output.get("text", "")).splitlines(), printed, name)
-
-
 def test_a_wrong_page_is_found():
     expect(["a … c", "last"], "x\na b c\nlast\n", "page")
     for lines in (["last", "a b c"], ["a c"], ["b"]):
@@ -128,10 +117,8 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
 
 @pytest.mark.openfoam
 @pytest.mark.slow
-def test_an_own_finger_its_recording_and_its_results(clone):
+def test_an_own_finger_and_its_recording(clone):
     assert follow("own_finger.md", clone) <= 4
     out = clone / "cases" / "my_finger" / "out" / "smoke"
     assert (out / "report.html").stat().st_size > 100_000
     follow("comparison.md", clone)
-    follow_notebook("results.ipynb", clone)
-    assert (out / "results.png").stat().st_size > 10_000

@@ -245,7 +245,7 @@ def test_curves_and_film_are_shaded_where_the_numbers_of_the_level_end(made, tmp
         found[late] = shaded, curves, f"numbers end at {half:.3f}" in text
     curves = found[0.3][1]
     assert found == {0.2: (0, curves, False), 0.3: (curves, curves, True)}
-    assert curves > 2
+    assert curves >= 2
 
 
 @pytest.mark.parametrize(

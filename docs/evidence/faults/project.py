@@ -83,7 +83,7 @@ def _values(path: Path) -> dict:
         values = json.loads(path.read_text())
     elif path.suffix == ".csv":
         table = np.genfromtxt(path, delimiter=",", names=True)
-        values = {name: table[name].tobytes() for name in table.dtype.names}
+        values = {name: table[name].tobytes() for name in table.dtype.names or ()}
     else:
         names: list[str] = []
         with h5py.File(path) as file:

@@ -45,7 +45,7 @@ def large_pair() -> str:
 
 def turbulent_vortices() -> str:
     """Time of finding and fitting the vortices of 100 x 100 vectors of turbulence."""
-    seconds, found = [], []
+    seconds, found = list[float](), list[int]()
     for seed in SEEDS:
         plane = TurbulentPlane(1.0, seed)
         for rms in STRENGTHS:

@@ -15,7 +15,6 @@ from docs.evidence.piv.flows import CENTRE, SHAPE, lamb_oseen, random_field, sin
 from docs.evidence.piv.pairs import render_pair
 from docs.evidence.piv.scores import EDGE, Errors, inner, joined, judged, rms, told
 from docs.evidence.piv.walls import walls
-from docs.evidence.stability import images
 from piv.correlation.pair import correlate_pair
 
 FIRST, UNSEEN_FIRST = 3101, 2001
@@ -95,14 +94,6 @@ UNSEEN = {
     "merging vortices": Limit(merging, 3, NOISY),
     "boundary layer beside a mask": Limit(boundary_layer, 3, NOISY, wall=WALL),
 }
-EXTREMES = 20  # pairs of each
-CHOSEN = (
-    ("seeding (ppp)", "0.001", "balanced"),
-    ("seeding (ppp)", "0.001", "accurate"),
-    ("exposure (peak over full scale)", "0.02", "accurate"),
-    ("diameter (px)", "0.5", "balanced"),
-    ("special", "other particles in the second picture", "balanced"),
-)
 
 
 def measured(limit: Limit, first: int) -> list[Errors]:
@@ -115,10 +106,10 @@ def measured(limit: Limit, first: int) -> list[Errors]:
 
     parts = []
     for seed in range(first, first + limit.pairs):
-        pair = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
+        a, b = render_pair(limit.flow, SHAPE, seed=seed, **limit.render)
         if mask is not None:
-            pair = tuple(np.where(mask, 5, image).astype(image.dtype) for image in pair)
-        field = correlate_pair(*pair, mask=mask, **limit.piv)
+            a, b = (np.where(mask, 5, image).astype(image.dtype) for image in (a, b))
+        field = correlate_pair(a, b, mask=mask, **limit.piv)
         parts.append(judged(field, limit.flow, counts))
     return parts
 
@@ -133,32 +124,9 @@ def table(limits: dict[str, Limit], first: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def extremes(first: int) -> pd.DataFrame:
-    """Pictures of docs/stability.md at the limit; seeds from `first`."""
-    rows, columns = images.SHAPE
-    table = []
-    for axis, value, preset in CHOSEN:
-        case = next(c for c in images.cases() if (c.axis, c.value) == (axis, value))
-        scores = [images.run_case(case, preset, seed) for seed in range(first, first + EXTREMES)]
-        valid, wrong = (np.array([r[n] for r in scores]) for n in ("valid", "wrong_unflagged"))
-        # of other particles all that are valid are wrong, and counted as a share of all vectors
-        mean = wrong.mean() if case.unlike else np.sum(valid * wrong) / max(np.sum(valid), 1e-9)
-        table.append({
-            f"pictures of {columns} × {rows} px (docs/stability.md)":
-                value if axis == "special" else f"{axis} {value}",
-            "preset": preset,
-            "pairs": EXTREMES,
-            "called valid": f"{valid.mean():.1%}",
-            f"of those wrong by over {images.WRONG_PX} px": f"{mean:.1%}",
-            "in the worst pair": f"{wrong.max():.1%}",
-            f"pairs over {images.MAX_UNFLAGGED:.0%}": np.sum(wrong > images.MAX_UNFLAGGED),
-        })  # fmt: skip
-    return pd.DataFrame(table)
-
-
 def study() -> None:
     """Flows that served no tuning, and the limits."""
     seeds = f"Seeds from {UNSEEN_FIRST}; {libraries()}."
     write_study("unseen", [table(UNSEEN, UNSEEN_FIRST)], seeds)
-    tables = [table(LIMITS, FIRST), extremes(FIRST), walls(FIRST)]
+    tables = [table(LIMITS, FIRST), walls(FIRST)]
     write_study("limits", tables, f"Seeds from {FIRST}; {libraries()}.")

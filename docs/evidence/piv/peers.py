@@ -9,8 +9,10 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from importlib.metadata import distributions
 from pathlib import Path
+from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"
 import numpy as np
@@ -80,14 +82,16 @@ def main(folder: Path) -> None:
     if not files:
         return
     shape = np.load(files[0])["a"].shape
-    methods = {n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()}
+    methods: dict[str, Callable] = {
+        n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()
+    }
     methods |= {n: PIVtools(*s, shape) for n, s in PIVTOOLS.items()}
     warm = np.load(files[0])
     for method in methods.values():
         method(warm["a"], warm["b"])
     for file in files:
         pair = np.load(file)
-        out = {"digest": digests[file]}
+        out: dict[str, Any] = {"digest": digests[file]}
         for k, (name, method) in enumerate(methods.items()):
             start = time.process_time()
             x, y, u, v = method(pair["a"], pair["b"])

@@ -70,10 +70,12 @@ def cylinders(data: Path) -> Iterator[Pair]:
 
         for kind in sorted(p.name for p in folder.iterdir() if p.is_dir()):
             # the field belongs to the middle of four images
-            images = tuple(image(folder / kind / f"cylind{k}.pgm") for k in (1, 2))
+            first, second = (image(folder / kind / f"cylind{k}.pgm") for k in (1, 2))
             label = f"cylinders, {size:.0f} px" + (", noise" * ("noise" in kind or "mixed" in kind))
             rows = {label: (sampled(field), counts)}
-            yield Pair(f"{strength}_{kind}", images, rows, {OURS: {}, MASKED: {"mask": body}})
+            yield Pair(
+                f"{strength}_{kind}", (first, second), rows, {OURS: {}, MASKED: {"mask": body}}
+            )
 
 
 def simulated(data: Path) -> Iterator[Pair]:

@@ -64,7 +64,8 @@ def judged(
 def joined(parts: list[Errors]) -> Errors:
     """Those of several pairs side by side."""
     names = ("e", "std", "flag", "common")
-    return Errors(*(np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names))
+    e, std, flag, common = (np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names)
+    return Errors(e, std, flag, common)
 
 
 def rms(e: np.ndarray) -> float:

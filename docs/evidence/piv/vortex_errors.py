@@ -73,7 +73,7 @@ def errors(case: Case) -> np.ndarray:
 
 def rows(label: str, make: Callable[[int], Case]) -> list[dict[str, object]]:
     """A row of the table for each measure; errors are in per cent."""
-    error, std = np.moveaxis([errors(make(FIRST + k)) for k in range(CASES)], 1, 0)
+    error, std = np.moveaxis(np.array([errors(make(FIRST + k)) for k in range(CASES)]), 1, 0)
     table: list[dict[str, object]] = []
     for name, e, s in zip(MEASURES, error.T, std.T, strict=True):
         row: dict[str, object] = {"vortices": label, "measure": name}

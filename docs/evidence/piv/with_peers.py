@@ -49,7 +49,7 @@ def peer_python() -> Path:
     python = BENCH / "bin" / "python"
     if not (BENCH / ".ready").exists():
         subprocess.run([sys.executable, "-m", "venv", BENCH], check=True)
-        pip = [python, "-m", "pip", "install", "-q"]
+        pip = [str(python), "-m", "pip", "install", "-q"]
         subprocess.run([*pip, *PEERS], check=True)
         # it asks for Python 3.12 but uses nothing of it here
         alone = ["--no-deps", "--ignore-requires-python", "pivtools==0.7.0"]
@@ -64,7 +64,7 @@ def with_peers(name: str, pairs: Iterable[Pair]) -> Iterator[tuple[Pair, dict[st
     `name`: of the folder below BENCH that keeps pairs and peers' results. What the peers say of
     errors goes to this command's own stderr.
     """
-    folder, jobs = BENCH / name, []
+    folder, jobs = BENCH / name, list[tuple[Pair, dict[str, xr.Dataset]]]()
     folder.mkdir(parents=True, exist_ok=True)
     for pair in pairs:
         a, b = pair.images

@@ -1,4 +1,4 @@
-"""Runs and images at the extremes (python -m docs.evidence.stability), and their maps.
+"""Runs and images at the extremes (python -m docs.evidence.stability).
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1.
@@ -44,8 +44,8 @@ def main() -> None:
 
 
 def judge(part: str | None) -> list[dict[str, Any]]:
-    """Collect the endings, evaluate the pictures, write tables and maps; return the faults."""
-    made = {"date": datetime.now(UTC).date().isoformat()}
+    """Collect the endings, evaluate the pictures, write the tables; return the faults."""
+    made: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()}
     made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
     if part != "images":

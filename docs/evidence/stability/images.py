@@ -90,12 +90,12 @@ def run_case(case: ImageCase, preset: str, seed: int = 3) -> dict[str, Any]:
     wanted = flow(case)(*np.meshgrid(plane["x"].values, plane["y"].values))
     valid = plane["valid"].values == 1
     part = float(valid.sum() / max((plane["flag"].values != 2).sum(), 1))
-    error = np.hypot(plane["u"].values - wanted[0], plane["v"].values - wanted[1])[valid]
-    wrong = float((error > WRONG_PX).mean()) if error.size else 0.0
+    gap = np.hypot(plane["u"].values - wanted[0], plane["v"].values - wanted[1])[valid]
+    wrong = float((gap > WRONG_PX).mean()) if gap.size else 0.0
     if settings["density_ppp"] == 0 or case.unlike or case.masked == 1:
         wrong = part  # no vector can be right
     row |= {"valid": round(part, 4), "wrong_unflagged": round(wrong, 4)}
-    if not error.size:
+    if not gap.size:
         return row | {"ended": "all flagged", "rms_px": ""}
-    rms = round(float(np.sqrt(np.mean(np.minimum(error, 10) ** 2))), 4)
+    rms = round(float(np.sqrt(np.mean(np.minimum(gap, 10) ** 2))), 4)
     return row | {"ended": "WRONG" if wrong > MAX_UNFLAGGED else "completed", "rms_px": rms}

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from pipeline.fea.materials import strain_energy
-from pipeline.fea.settings import Material
+from pipeline.fea.settings import Actuator, Material
+from pipeline.fea.silicones import SILICONES
+from tests.finger_cell import ACTUATOR, SCENE
 
 MOONEY_RIVLIN = {"C10": 134.2e3, "C01": 33.6e3}
 YEOH = {"C10": 36e3, "C20": 258.0, "C30": 0.56}
@@ -61,3 +63,36 @@ def test_isochoric_part_makes_no_pressure(law):
 def test_unknown_law_is_refused_with_the_known_ones():
     with pytest.raises(ValueError, match=r"hooke_1678.*mooney_rivlin"):
         strain_energy(Material(law="hooke_1678", parameters={}, bulk=1e6))
+
+
+@pytest.mark.parametrize("name", SILICONES)
+def test_a_silicone_by_its_name_has_the_stress_of_its_source(name):
+    """The data sheet's stress (kPa) at 100 % of tension; E of the others at small strains."""
+    sheet = {"Ecoflex 00-30": 69.0, "Dragon Skin 10": 151.0, "Dragon Skin 30": 593.0}
+    small = {"Elastosil M4601": 660.0, "Sylgard 184": 1320.0}
+    material = Material(material=name)
+    stretch = 1.0001 if name in small else 2.0
+    gradient = np.zeros((3, 3, 1, 1))
+    for axis, value in enumerate((stretch, stretch**-0.5, stretch**-0.5)):
+        gradient[axis, axis] = value
+    stress = strain_energy(material).gradient([gradient, None])[0]
+    principal = [stress[axis, axis, 0, 0] * gradient[axis, axis, 0, 0] for axis in (0, 2)]
+    nominal = (principal[0] - principal[1]) / stretch / 1e3
+    if name in sheet:
+        assert nominal == pytest.approx(sheet[name], rel=1e-6)
+    if name in small:
+        assert nominal / 1e-4 == pytest.approx(small[name], rel=1e-3)
+    assert 1000 < material.density < 1300
+    assert 0 < SILICONES[name].strain <= 1.5
+    assert SILICONES[name].source
+
+
+def test_a_material_of_the_scene_replaces_what_its_parent_gives():
+    scene = SCENE.actuator | {"material": "Ecoflex 00-30"}
+    layers = Actuator(**scene).materials
+    assert layers.upper == layers.lower
+    assert layers.upper.law == "neo_hooke"
+    upper = ACTUATOR.materials.upper.model_dump() | {"material": "Dragon Skin 10"}
+    assert Material(**upper).parameters == {"mu": pytest.approx(151e3 / 1.75)}
+    with pytest.raises(ValueError, match=r"Ecoflex 0030.* is not known.*Ecoflex 00-30.*give law"):
+        Material(material="Ecoflex 0030")

@@ -7,6 +7,7 @@ import pytest
 from pipeline.fea.up_to_date import check_states
 from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import load_scene
+from pipeline.structure.finger import stiffness_remedy
 from piv.files.errors import StageError
 from tests.conftest import CASES, write_scene
 
@@ -76,3 +77,19 @@ def test_a_run_with_another_actuator_is_not_refused(tmp_path):
     narrow.check("kinematics")
     with pytest.raises(StageError, match=r"actuator\.width"):
         open_run(scene.folder, "tiny").check("kinematics")
+
+
+def test_the_remedy_of_another_analysis_of_the_same_actuator_is_the_scenes_own(tmp_path):
+    """It named the parent, whose states would then have been replaced."""
+    folder = write_scene(tmp_path / "mine", more="[fea]\nlast_pressure_kpa = 50.0").folder
+    (folder / "kinematics").unlink()
+    scene = load_scene(folder, "tiny")
+    with pytest.raises(StageError, match=r"analyse this scene's own with .*mine"):
+        check_states(scene)
+
+
+def test_imported_states_are_not_to_be_analysed_for_their_stiffness(tmp_path):
+    results = '[fea]\nengine = "import"\nresults = { file = "x.csv" }'
+    imported = write_scene(tmp_path / "imported", more=results)
+    assert stiffness_remedy(imported) == "give structure.bending_stiffness (N m2)"
+    assert stiffness_remedy(write_scene(tmp_path / "own")).startswith("analyse it with softfinger")

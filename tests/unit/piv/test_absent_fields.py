@@ -6,9 +6,9 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.formats.plane_series import NO_PICTURE, REPEATED, absent, make_plane, read_plane

@@ -39,7 +39,7 @@ def plain(text):
         ("draft", "Level draft errs by at most 14.2 % until 0.200 s, 25.0 % until 0.300 s"),
         ("draft", "against level fine, the finest whole stroke that was run,"),
         ("draft", "whose own error is estimated at 9.0 % at most"),
-        ("fine", "extrapolated from the two levels below"),
+        ("fine", "extrapolated from the levels below"),
     ],
 )
 def test_a_level_errs_as_the_trade_off_measured(scene, level, part):

@@ -16,34 +16,6 @@ from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from tests.conftest import CASES, write_scene
 
-REPORT = ["report"]
-PAGE = ["compare", "figures", "report"]
-OF_PIV = ["piv", "pressure", "vortices_piv", *PAGE]
-OF_IMAGES = ["images", *OF_PIV]
-OF_SHEET = ["sheet", "vortices_cfd", *OF_IMAGES]
-OF_CASE = ["case", "solve", "loads", *OF_SHEET]
-OF_MESH = ["mesh", *OF_CASE]
-ALL = ["kinematics", *OF_MESH]
-
-# The stages whose result a section, or one of its keys, changes.
-VIEW = "camera.columns camera.rows camera.scale_mm_per_px camera.centre"
-EXPECTED = {
-    name: stages
-    for names, stages in (
-        ("title", REPORT),
-        ("tank finger body pinch support obstacle motion", ALL),
-        ("mesh model numerics.time_step sheet.rate_hz", OF_MESH),
-        ("numerics fluid sheet.z", OF_CASE),
-        (f"sheet.spacing sheet.margin {VIEW}", OF_SHEET),
-        ("sheet.thickness camera", OF_IMAGES),
-        ("piv", OF_PIV),
-        ("vortices", ["vortices_cfd", "vortices_piv", *PAGE]),
-        ("structure.bending_stiffness structure.loss_factor", ["loads", "figures", "report"]),
-        # of coupled runs alone; make fea's result is a file of the motion
-        ("structure actuator fea", []),
-    )
-    for name in names.split()
-}
 FILES = {f"motion.{key}" for key in FILE_KEYS}  # whose content counts, not the name
 PLACES = {"name", "level", "folder", "parents", "out", "notes"}  # of the run, not of its scene
 
@@ -83,14 +55,25 @@ def keys() -> list[tuple[str, str]]:
     return [(name, key) for name, key in known if key not in FILES]
 
 
+def with_those_after(stages: set[str]) -> set[str]:
+    """The stages, and all that read a result of one of them."""
+    grown = stages | {stage.name for stage in STAGES if stages & {*stage.inputs}}
+    return grown if grown == stages else with_those_after(grown)
+
+
 @pytest.mark.filterwarnings("ignore:Pydantic serializer")
 @pytest.mark.parametrize("name, key", keys())
-def test_a_key_makes_stale_what_it_changes(name: str, key: str) -> None:
-    scene = scenes()[name]
-    before = digests(name)
+def test_a_key_makes_stale_the_stages_that_name_it_and_those_after_them(
+    name: str, key: str
+) -> None:
+    """That each stage names what it reads: tests/cases/test_keys_that_stages_read.py."""
+    scene, before = scenes()[name], digests(name)
     after = Run(dict(variants(scene))[key])
     found = {stage.name for stage in STAGES if after.digest(stage.name) != before[stage.name]}
-    assert found == set(EXPECTED[key if key in EXPECTED else key.partition(".")[0]])
+    section, inner = [*key.split("."), ""][:2]
+    keys_of = {stage.name: stage.sections.get(section, ()) for stage in STAGES}
+    naming = {stage for stage, keys in keys_of.items() if keys is True or inner in keys}
+    assert found == with_those_after(naming)
 
 
 @cache
@@ -166,4 +149,4 @@ def test_ranks_count_where_a_study_compares_them() -> None:
     scene = scenes()["single_finger"]
     one, two = Run(scene, ranks=1), Run(scene, ranks=2)
     differ = {stage.name for stage in STAGES if one.digest(stage.name) != two.digest(stage.name)}
-    assert differ == set(OF_CASE) - {"case"}
+    assert differ == with_those_after({"solve"})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.formats.bending_states import read_states
-from pipeline.kinematics.pressure_law import measured_law
+from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.stage import kinematics_values, run
 from piv.files.errors import StageError
 from tests.conftest import motion_of, write_scene
@@ -158,3 +158,10 @@ def test_the_finger_hangs_from_its_root_and_bends_to_its_ventral_side(tmp_path):
         assert dorsal == pytest.approx([-sign, 0], abs=1e-9)
         assert np.ptp(rest[:, 0]) == pytest.approx(data["tip_thickness"], abs=1e-9)
         assert data["shape_tip_direction"][0] == pytest.approx([0, -1], abs=1e-9)
+
+
+def test_an_absolute_pressure_is_warned_of(tmp_path):
+    (tmp_path / "p.csv").write_text("t,p\n0,101300\n0.3,116300\n")
+    assert "p.csv begins at 101.3 kPa, as absolute pressures do" in absolute(tmp_path / "p.csv")
+    (tmp_path / "p.csv").write_text("t,p\n0,60000\n0.3,116300\n")
+    assert not absolute(tmp_path / "p.csv")

@@ -1,6 +1,7 @@
 """Loads on slices lose nothing; a stiffness in place of the analysis."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,11 +10,11 @@ from pipeline.formats.bending_states import States, read
 from pipeline.formats.finger_loads import motion_sentence, read_loads
 from pipeline.kinematics import stage as kinematics
 from pipeline.scene.scene import load_scene
-from pipeline.structure import motion, stage
+from pipeline.structure import stage
 from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
-from pipeline.structure.motion import Surroundings
+from pipeline.structure.motion import Surroundings, motion
 from tests.conftest import CASES
 
 STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
@@ -68,7 +69,7 @@ def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path,
     scene = load_scene(CASES / "single_finger", "smoke", {"motion.end_time": 0.1}, tmp_path)
     kinematics.run(scene, quiet=True)
     monkeypatch.setattr(stage, "_measured_loads", lambda *_: {"time": np.zeros(2)})
-    monkeypatch.setattr(motion, "LARGEST_SHARE", 1e-3)
+    monkeypatch.setattr(stage, "motion", partial(motion, most=1e-3))
     stage.run(scene, quiet=True)
     found = read_loads(tmp_path / "loads.h5")
     assert "bears a moment far beyond the table" in found.attrs["unknown"]

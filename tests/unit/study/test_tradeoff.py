@@ -8,12 +8,14 @@ import pandas as pd
 import pytest
 
 from pipeline.formats.records import RUN
+from pipeline.kinematics.camera_window import _turns
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from postprocess.report.trust import level_error
 from softfinger.study.accuracy import (
     Setting,
     choose,
+    finest_within,
     parse_accuracy,
     parse_time,
     predicted_time,
@@ -100,6 +102,26 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
         told = rf"softfinger tradeoff \S+/{name}, about [\d.]+ (h|min) of CPU time"
         assert re.search(told, str(error.value))
     assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
+
+
+def test_a_budget_needs_no_measured_errors(tmp_path):
+    """It asked a stranger's scene for a study of hours, though the predicted time suffices."""
+    scene = own_scene(tmp_path / "own", "[finger]\nlength = 0.07\nwidth = 0.009\n")
+    with pytest.raises(StageError, match=r"no settings|another motion"):
+        results_of(scene)
+    draft, cheap = finest_within(scene.folder, 300.0)
+    finer, dear = finest_within(scene.folder, 3000.0)
+    assert cheap <= 300 < dear <= 3000
+    assert draft.scene.level != finer.scene.level
+    with pytest.raises(StageError, match="the fastest, smoke, takes"):
+        finest_within(scene.folder, 1.0)
+
+
+def test_noise_of_a_sensor_is_no_turn_of_the_pressure():
+    time = np.linspace(0, 1, 400)
+    noise = 0.005 * np.random.default_rng(1).normal(size=400)
+    assert _turns(np.minimum(5 * time, 1) + noise) == 0
+    assert _turns(np.sin(2 * np.pi * time) + noise) == 2
 
 
 def test_no_level_is_chosen_whose_page_then_states_a_larger_error():
