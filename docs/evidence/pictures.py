@@ -97,7 +97,7 @@ def _copy(picture: Path, target: Path) -> None:
 def tradeoff(scene: str) -> None:
     """Largest error of each level against CPU time of the flow; a line joins those not beaten."""
     table = Path("cases") / scene / "studies/results/tradeoff.csv"
-    levels = pd.read_csv(table, comment="#").query("kind == 'flow'").dropna(subset="error")
+    levels = pd.read_csv(table, comment="#").query("run == level").dropna(subset="error")
     figure, axis = new_figure(5.5, 4.6)
     ahead = levels[levels["front"]].sort_values("cpu_flow_s")
     axis.plot(ahead["cpu_flow_s"], 100 * ahead["error"], "o-", color=CFD, lw=1.2)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from piv.commands.settings import add_fields, add_paths, build, run_with
 from piv.foreign.read import open_vectors
-from piv.foreign.write import units_of
+from piv.foreign.write import circulation_unit, units_of
 from piv.formats.vortex_table import write_vortices
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
@@ -51,13 +51,17 @@ def make(
     text = f"{output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
     if len(table):
         strongest = table.loc[table["circulation"].abs().idxmax()]
-        unit = "px²/frame" if length == "px" else f"{length}²/s"
+        unit = circulation_unit(length)
         text += (
-            f"; the strongest has a circulation of {strongest['circulation']:.3g} {unit} "
-            f"within a radius of {strongest['radius']:.3g} {length}"
+            f"; the strongest has a circulation of {strongest['circulation']:.3g}"
+            f" ± {strongest['circulation_std']:.2g} {unit}"
         )
-        if pd.notna(strongest["circulation_fit"]):
-            text += f", by a Lamb-Oseen fit {strongest['circulation_fit']:.3g} {unit} in all"
+        radius = strongest["circulation_radius"]
+        text += (
+            " in all, by a Lamb-Oseen fit"
+            if pd.isna(radius)
+            else f" within {radius:.3g} {length} of its centre"
+        )
     print(text)
 
 

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy import ndarray
-from scipy.interpolate import RegularGridInterpolator
 
 from piv.fields.blocks import blocks, fields_of
 from piv.formats.plane_series import usable
+from piv.vortices.contour import bilinear
 
 _SKIPPED = ("valid", "flag", "n")  # no quantities to interpolate
 
@@ -59,11 +58,3 @@ def along_line(
             if "time" in plane["u"].dims:
                 rows.insert(0, "time", float(time))
             yield rows
-
-
-def bilinear(field: xr.DataArray, x: ndarray, y: ndarray) -> ndarray:
-    """A field over (…, y, x) at points, as (…, point); NaN outside the grid."""
-    grid = field["y"].values, field["x"].values
-    values = field.transpose("y", "x", ...).values
-    sample = RegularGridInterpolator(grid, values, bounds_error=False, fill_value=np.nan)
-    return sample(np.column_stack([y, x])).T

@@ -58,6 +58,11 @@ def units_of(plane: xr.Dataset) -> tuple[str, str]:
     return str(plane["x"].attrs.get("units", "m")), str(plane["u"].attrs.get("units", "m/s"))
 
 
+def circulation_unit(length: str) -> str:
+    """Unit of a circulation in a plane whose unit of `length` is this."""
+    return "px²/frame" if length == "px" else f"{length}²/s"
+
+
 def _openpiv(plane: xr.Dataset) -> str:
     length, velocity = units_of(plane)
     x, y = (a.ravel() for a in np.meshgrid(plane["x"].values, plane["y"].values))

@@ -13,13 +13,14 @@ from piv.files.provenance import check_version
 from piv.files.record import check_whole
 from piv.formats.plane_series import provenance
 
-FORMAT, VERSION = "vortices", 1
+FORMAT, VERSION = "vortices", 2
 REMEDY = "find the vortices again"
 COLUMNS = [
-    "time", "track", "bridged", "lifetime", "x", "y", "circulation", "radius", "peak_vorticity",
-    "x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std",
-    "x_random_std", "y_random_std", "circulation_random_std", "finger", "side",
-    "tip_distance", "along_tip", "across_tip", "x_fit", "y_fit", "circulation_fit", "core_radius",
+    "time", "track", "bridged", "lifetime", "x", "y", "circulation", "circulation_radius", "radius",
+    "peak_vorticity", "circulation_disc", "disc_radius", "x_std", "y_std", "circulation_std",
+    "radius_std", "peak_vorticity_std", "circulation_disc_std", "x_random_std", "y_random_std",
+    "circulation_disc_random_std", "finger", "side", "tip_distance", "along_tip", "across_tip",
+    "x_fit", "y_fit", "circulation_fit", "core_radius",
     "x_fit_std", "y_fit_std", "circulation_fit_std", "core_radius_std", "explained",
 ]  # fmt: skip
 NEEDED = ("time", "x", "y", "circulation", "radius")

@@ -12,25 +12,23 @@ from numpy import ndarray
 
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
-from piv.fields.lines import along_line, bilinear
+from piv.fields.lines import along_line
 from piv.fields.summary import summary
-from piv.foreign.write import units_of
+from piv.foreign.write import circulation_unit, units_of
 from piv.formats.plane_series import fields_of, usable
-from piv.formats.recording import window_of
 from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
 from piv.images.masks import inside_polygon, polygons_mask
 from piv.images.preprocess import Preprocessor
 from piv.sequence.frame_sets import SequenceOptions
 from piv.view.scene import Scene, with_vorticity
+from piv.vortices.contour import area, round_contour
 from piv.vortices.find import find_vortices
 
 FORM = (
     "window", "least_window", "spacing", "preset", "search", "threshold", "smoothing", "preprocess"
 )  # fmt: skip
 _PURPLE_ORANGE = "2d004b 542788 8073ac b2abd2 d8daeb f7f7f7 fee0b6 fdb863 e08214 b35806 7f3b08"
-# of errors that are correlated by exp(-2 (d/L)²), along a line: their integral over d is this L
-_CORRELATED = float(np.sqrt(np.pi / 2))
 
 
 def about(scene: Scene, output: str) -> dict[str, Any]:
@@ -145,54 +143,30 @@ def vortices(plane: xr.Dataset) -> list[dict[str, float]]:
 def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
     """Circulation round a polygon (counter-clockwise positive) and means over its vectors.
 
-    The line integral of bilinear velocities; its standard uncertainty to first order, errors of u
-    and v independent, along the line correlated as of `piv derive`. ValueError where the line
-    passes places without vectors.
+    The circulation is None where the line passes places without vectors.
     """
     corners = np.asarray(polygon, float)
     if len(corners) < 3:
         raise ValueError("an area needs at least 3 corners")
     x, y = plane["x"].values, plane["y"].values
-    step = min(x[1] - x[0], y[1] - y[0])
-    edges = np.roll(corners, -1, axis=0) - corners
-    area = 0.5 * float(np.sum(corners[:, 0] * edges[:, 1] - corners[:, 1] * edges[:, 0]))
-    points, tangents, lengths = [], [], []
-    for corner, edge in zip(corners, edges, strict=True):
-        length = float(np.hypot(*edge))
-        if length == 0:
-            continue
-        n = max(2, int(np.ceil(4 * length / step)))
-        points.append(corner + (np.arange(n)[:, None] + 0.5) / n * edge)
-        tangents.append(np.repeat(edge[None] / length, n, axis=0))
-        lengths.append(np.full(n, length / n))
-    at, along, ds = np.concatenate(points), np.concatenate(tangents), np.concatenate(lengths)
-    along = along * np.sign(area)
     ok = usable(plane).transpose("y", "x").values
-
-    def sample(name: str) -> ndarray:
-        return bilinear(plane[name].where(usable(plane)), *at.T)
-
-    flow = sample("u") * along[:, 0] + sample("v") * along[:, 1]
+    round_ = round_contour(plane, corners)
     within = inside_polygon(corners, x, y) & ok
-    unit = units_of(plane)[0]
     means: dict[str, float | None] = {}
     for name in ("u", "v", "vorticity"):
         values = plane[name].transpose("y", "x").values[within]
         known = values[np.isfinite(values)]
         means[name] = float(known.mean()) if known.size else None
-    lost = float(ds[~np.isfinite(flow)].sum() / ds.sum())
     result: dict[str, Any] = {
-        "area": abs(area),
+        "area": area(corners),
         "vectors": int(within.sum()),
         "mean": means,
-        "circulation": float(np.sum(flow * ds)) if lost == 0 else None,
-        "unit": "px²/frame" if unit == "px" else "m²/s",
-        "lost": lost,
+        "circulation": round_.circulation if round_.lost == 0 else None,
+        "unit": circulation_unit(units_of(plane)[0]),
+        "lost": round_.lost,
     }
-    if lost == 0 and "u_std" in plane and "v_std" in plane:
-        spread = (sample("u_std") * along[:, 0]) ** 2 + (sample("v_std") * along[:, 1]) ** 2
-        reach = _CORRELATED * window_of(plane) or step
-        result["circulation_std"] = float(np.sqrt(np.sum(spread * ds) * reach))
+    if np.isfinite(round_.std):
+        result["circulation_std"] = round_.std
     return result
 
 

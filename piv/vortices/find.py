@@ -8,9 +8,10 @@ import xarray as xr
 from piv.formats.plane_series import MASKED, VALID, usable
 from piv.formats.recording import window_of
 from piv.images.masks import inside_polygon
+from piv.vortices.contour import circle, round_contour
 from piv.vortices.joint_fit import fit_regions
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS
-from piv.vortices.regions import DISC, Measures, Plane, find_regions
+from piv.vortices.regions import CIRCLE, DISC, Measures, Plane, Region, find_regions
 from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 
@@ -34,7 +35,7 @@ def find_vortices(
     """
     s = _settings(settings, options)
     widest = float(max(np.ptp(plane[axis].values) for axis in "xy"))
-    for name in ("scale", "correlation_length"):
+    for name in ("scale", "radius", "correlation_length"):
         if (getattr(s, name) or 0.0) > widest:
             raise ValueError(
                 f"{name} = {getattr(s, name):g} exceeds the plane, which is {widest:.3g} wide or"
@@ -45,11 +46,30 @@ def find_vortices(
     regions = find_regions(p, scale, s)
     start = np.array([_start(r.measures, scale) for r in regions]).reshape(-1, 4)
     fits = fit_regions(p, start, s)
-    missing = (np.nan,) * 9
-    return [
-        Vortex(*r.measures, *r.std, *r.random[:3], *(missing if fit is None else fit))
+    found = [
+        _vortex(plane, r, fit or (np.nan,) * 9, DISC * scale, s.radius)
         for r, fit in zip(regions, fits, strict=True)
     ]
+    return sorted(found, key=lambda v: -abs(v.circulation))
+
+
+def _vortex(
+    plane: xr.Dataset, r: Region, fit: tuple[float, ...], disc: float, radius: float | None
+) -> Vortex:
+    """A vortex of its region and fit, with the circulation that does not depend on the scale."""
+    m, std = r.measures, r.std
+    whole = fit[2], fit[6], np.nan
+    if np.isnan(fit[2]):
+        whole = m.circle, std.circle, CIRCLE * m.radius
+    if radius is not None:
+        within = round_contour(plane, circle(m.x, m.y, radius))
+        whole = whole if np.isnan(within.circulation) else (*within[:2], radius)
+    circulation, circulation_std, within_radius = (float(q) for q in whole)
+    return Vortex(
+        *(m.x, m.y, circulation, within_radius, m.radius, m.peak_vorticity, m.circulation, disc),
+        *(std.x, std.y, circulation_std, std.radius, std.peak_vorticity, std.circulation),
+        *(r.random.x, r.random.y, r.random.circulation, *fit),
+    )
 
 
 def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from piv.compiled import compiled
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
-from piv.vortices.regions import Plane
+from piv.vortices.regions import OF_PIV, Plane
 from piv.vortices.settings import VortexSettings
 
 
@@ -35,9 +35,12 @@ MODEL_HOLDS = 2.0
 # explained part from which on what is left may be noise; in turbulence it is flow that no vortex
 # explains
 NOISE_ONLY = 0.95
-# share of a disc that holds vectors away from bodies; with less, the vortex is hardly
-# Lamb-Oseen's
+# share of a disc's part of the plane that holds vectors away from bodies; with less, the vortex is
+# hardly Lamb-Oseen's
 UNHIDDEN = 0.95
+# of the difference from the next smaller disc, which tells how far PIV's vortex is from
+# Lamb-Oseen's: a standard error
+DISCS_DIFFER = 0.8
 POINTS_PER_CORE = 8
 # passes of the fit over all vortices: neighbours and fit discs converge to 1e-3 within three
 SWEEPS = 3
@@ -58,11 +61,13 @@ def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[tuple[flo
     if not at_once:
         fits = _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
     of = {tuple(f.region): f.fit for f in fits}
-    return [_numbers(of[tuple(r)]) if tuple(r) in of else None for r in regions]
+    alike = 0.0 if p.noise is None else OF_PIV
+    return [_numbers(of[tuple(r)], alike) if tuple(r) in of else None for r in regions]
 
 
-def _numbers(fit: Fit) -> tuple[float, ...]:
+def _numbers(fit: Fit, alike: float) -> tuple[float, ...]:
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0.0))
+    std[2] = np.hypot(std[2], alike * fit.vortices[0, 2])
     return (*fit.vortices[0].tolist(), *std.tolist(), float(fit.explained))
 
 
@@ -124,8 +129,18 @@ def _fit_one(
         wide_fit = _fit_disc(p, now, start, area, s, factor * s.fit_radius, k)
         if wide_fit is None or wide_fit.misfit > MODEL_HOLDS * noise or wide_fit.seen < UNHIDDEN:
             break
-        best = wide_fit
+        best = wide_fit._replace(fit=_doubted(wide_fit.fit, best.fit))
     return best
+
+
+def _doubted(fit: Fit, smaller: Fit) -> Fit:
+    """The fit with the standard errors that its difference from the `smaller` disc's adds."""
+    p = fit.vortices[0]
+    variance = np.diag(fit.covariance)[:4]
+    added = (DISCS_DIFFER * (p - smaller.vortices[0])) ** 2
+    factor = np.ones(len(fit.covariance))
+    factor[:4] = np.sqrt(1 + added / np.maximum(variance, 1e-300))
+    return fit._replace(covariance=fit.covariance * np.outer(factor, factor))
 
 
 def _fit_disc(
@@ -239,15 +254,15 @@ def _distinct(fits: list[Fit]) -> list[int]:
 
 @compiled
 def _seen_share(x, y, valid, cx, cy, radius):
-    """Part of the disc's grid points with a vector; points beyond the border are absent."""
+    """Part of the disc's grid points within the plane that have a vector."""
     dx, dy = x[1] - x[0], y[1] - y[0]
     seen = disc = 0
     for j in range(math.ceil((cy - radius - y[0]) / dy), math.floor((cy + radius - y[0]) / dy) + 1):
         for i in range(
             math.ceil((cx - radius - x[0]) / dx), math.floor((cx + radius - x[0]) / dx) + 1
         ):
-            if math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
+            inside = 0 <= i < x.size and 0 <= j < y.size
+            if inside and math.hypot(x[0] + i * dx - cx, y[0] + j * dy - cy) <= radius:
                 disc += 1
-                if 0 <= i < x.size and 0 <= j < y.size and valid[j, i]:
-                    seen += 1
+                seen += valid[j, i]
     return seen / max(1, disc)

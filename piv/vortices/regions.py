@@ -16,7 +16,10 @@ from piv.vortices.criteria import q_criterion, vorticity
 from piv.vortices.settings import VortexSettings
 from piv.vortices.smooth import Smoother
 
-DISC = 3.0  # radius of the circle of a circulation, smoothing lengths: half a tip's width
+DISC = 3.0  # radius of the disc of a circulation, smoothing lengths: half a tip's width
+# radius of the circle of a circulation that does not depend on the smoothing, in radii of the
+# region: it holds 0.993 of a Lamb-Oseen vortex at any scale
+CIRCLE = 2.0
 # radius, in smoothing lengths: a line vortex has 1.58, half of one beside a wall 1.1
 SMALLEST = 0.75
 FLAT = 0.75  # of the largest vorticity: a region whose edge has more is part of a background
@@ -37,13 +40,13 @@ REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a 
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of the
 # square of the grid step over the radius, of a circulation over its circle's; and what the end of
 # the smoothing's weights makes. These and OF_REPLICAS: docs/evidence/piv/vortex_errors.py
-OF_GRID = np.array([0.022, 0.022, 0.056, 0.05, 0.01])
+OF_GRID = np.array([0.022, 0.022, 0.056, 0.05, 0.01, 0.056])
 OF_WEIGHTS = 4e-5
 # what windows and their smoothing err alike over a vortex: of a circulation, and of a radius the
 # factor of the square of the errors' length over it
 OF_PIV, OF_WINDOWS = 0.0012, 0.0085
-# errors of PIV over those of the replicas: x, y, circulation, radius, peak
-OF_REPLICAS = np.array([0.66, 0.66, 0.82, 1.0, 1.55])
+# errors of PIV over those of the replicas: x, y, circulation, radius, peak, circle
+OF_REPLICAS = np.array([0.66, 0.66, 0.82, 1.0, 1.55, 0.82])
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 _SQUARE = np.ones((3, 3), np.uint8)
 
@@ -75,10 +78,10 @@ class Plane(NamedTuple):
 
 
 class Measures(NamedTuple):
-    """Centroid of a region's vorticity, circulation round that, size and peak of the region.
+    """Centroid of a region's vorticity, circulations round that, size and peak of the region.
 
-    The circulation is of the vorticity of one sense within DISC of the centroid that is nearer to
-    it than to another vortex of that sense, in their radii.
+    The circulations are of the vorticity of one sense that is nearer to the centroid than to
+    another vortex of that sense, in their radii: within DISC, and within a `circle` of CIRCLE.
     """
 
     x: float
@@ -86,6 +89,7 @@ class Measures(NamedTuple):
     circulation: float
     radius: float
     peak_vorticity: float
+    circle: float
 
 
 class Region(NamedTuple):
@@ -143,8 +147,10 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     measures = [m for m, _ in found]
     regions = []
     for m, patch in found:
-        own = _own(p, patch.box, m, measures, DISC * scale)
-        m = m._replace(circulation=np.sign(m.circulation) * _circulation(patch.c, own, p))
+        reaches = DISC * scale, CIRCLE * m.radius
+        own = [_own(p, patch.box, m, measures, reach) for reach in reaches]
+        disc, circle = (np.sign(m.circulation) * _circulation(patch.c, part, p) for part in own)
+        m = m._replace(circulation=disc, circle=circle)
         noise, doubt = _of_vectors(patch, p, scale, m, own)
         excess = float(_excess(patch.c, patch.mask, abs(m.peak_vorticity) * patch.strained))
         if abs(m.circulation) >= s.significance * noise.circulation and excess >= CERTAIN * doubt:
@@ -193,7 +199,7 @@ def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterat
             edges = list(zip(box, basins.shape, strict=True))
             if strained and any(b.start == 0 or b.stop == n for b, n in edges):
                 continue  # a layer that the plane's border cuts may look round
-            by = 2 + int(DISC * scale / min(p.step))
+            by = 2 + int(max(DISC * scale / min(p.step), CIRCLE * np.sqrt(sizes[k] / np.pi)))
             box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
             near, local = basins[box], _Criteria(*(q[box] for q in part))
             mask = (near == k) & (local.omega >= level * peaks[k])
@@ -303,6 +309,7 @@ def _measures(patch: _Patch, p: Plane, sense: float) -> Measures:
         sense * total * cell,
         float(np.sqrt((cover.sum() - STEINER) * cell / np.pi)),
         sense * _peak(c.omega, mask),
+        sense * total * cell,
     )
 
 
@@ -342,7 +349,7 @@ def _peak(omega: ndarray, mask: ndarray) -> float:
     return value
 
 
-def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -> ndarray:
+def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: list[ndarray]) -> ndarray:
     """Standard uncertainties of a region's measures by the grid and by what is hidden.
 
     Where its `own` points end at absent vectors that are not at a wall, what lies within half a
@@ -350,30 +357,31 @@ def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -
     """
     c, box = patch.c, patch.box
     step = max(p.step)
-    sizes = np.array([m.radius, m.radius, abs(m.circulation), m.radius, abs(m.peak_vorticity)])
-    lengths = np.array([m.radius, m.radius, DISC * scale, m.radius, m.radius])
+    sizes = np.abs([m.radius, m.radius, m.circulation, m.radius, m.peak_vorticity, m.circle])
+    lengths = np.full(6, m.radius)
+    lengths[[2, 5]] = DISC * scale, CIRCLE * m.radius
     known = np.pad(c.known | p.wall[box], 1, mode="edge")
     hidden = c.known & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
-    share = own * np.maximum(c.omega, 0.0) * step / abs(m.circulation)
-    unseen = np.hypot(
-        share[hidden].sum() * p.correlated / 2, share[c.known & ~p.valid[box]].sum() * step
-    )
-    relative = np.hypot(np.hypot(OF_GRID * (step / lengths) ** 2, OF_WEIGHTS), unseen)
+    relative = np.hypot(OF_GRID * (step / lengths) ** 2, OF_WEIGHTS)
+    for part, circulation, of in zip(own, sizes[[2, 5]], (slice(5), slice(5, 6)), strict=True):
+        share = part * np.maximum(c.omega, 0.0) * step / circulation
+        relative[of] = np.hypot(relative[of], share[hidden].sum() * p.correlated / 2)
+        relative[of] = np.hypot(relative[of], share[c.known & ~p.valid[box]].sum() * step)
     if p.noise is not None:
-        relative[2] = np.hypot(relative[2], OF_PIV)
+        relative[[2, 5]] = np.hypot(relative[[2, 5]], OF_PIV)
         relative[3] = np.hypot(relative[3], OF_WINDOWS * (p.correlated / m.radius) ** 2)
     return relative * sizes
 
 
 def _of_vectors(
-    patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray
+    patch: _Patch, p: Plane, scale: float, m: Measures, own: list[ndarray]
 ) -> tuple[Measures, float]:
     """Standard uncertainties of a region's measures, and of its excess, by replicas of the vectors.
 
     The errors are alike over a window; 0 where the plane does not tell them.
     """
     if p.noise is None:
-        return Measures(*[0.0] * 5), 0.0
+        return Measures(*[0.0] * 6), 0.0
     _, mask, free, box, level, strained, _ = patch
     rng = np.random.default_rng(1)
     errors = [
@@ -391,9 +399,10 @@ def _of_vectors(
         most = int(np.argmax(np.bincount(labels[mask], minlength=2)[1:])) + 1
         if (labels == most).any():
             drawn = _measures(patch._replace(c=part, mask=labels == most), p, sense)
-            values.append(drawn._replace(circulation=_circulation(part, own, p)))
+            disc, circle = (_circulation(part, q, p) for q in own)
+            values.append(drawn._replace(circulation=disc, circle=circle))
     if len(values) < 2:  # it vanishes in the noise
-        return Measures(*[np.inf] * 5), np.inf
+        return Measures(*[np.inf] * 6), np.inf
     turning = replicas._replace(omega=sense * replicas.omega)
     doubt = float(_excess(turning, mask, abs(m.peak_vorticity) * strained).std(ddof=1))
     return Measures(*(OF_REPLICAS * np.std(values, axis=0, ddof=1)).tolist()), doubt

@@ -15,6 +15,11 @@ class VortexSettings:
         "smoothing length of the flow (standard deviation of the Gaussian) at which vortices are "
         "sought; None = a sixth of the tip's width, else half a PIV window, else two grid steps",
     ] = None
+    radius: Annotated[
+        float | None,
+        "circulation within this distance of the centre, where a vector is everywhere on that "
+        "circle; None = in all by the Lamb-Oseen fit, else within two radii of the vortex",
+    ] = None
     least_part: Annotated[float, "least vorticity within a vortex, as a part of its largest"] = 0.1
     max_elongation: Annotated[float, "longest region, length over width"] = 4.0
     min_circulation: Annotated[
@@ -51,7 +56,7 @@ class VortexSettings:
         for name in ("least_part", "min_part", "min_explained", "neighbour_part"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} = {getattr(self, name):g}: give a number from 0 to 1")
-        for name in ("scale", "max_elongation", "fit_radius", "correlation_length"):
+        for name in ("scale", "radius", "max_elongation", "fit_radius", "correlation_length"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ValueError(f"{name} = {value:g}: give a positive number")

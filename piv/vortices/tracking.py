@@ -123,7 +123,11 @@ def _cost(
     d = np.array([vortex.x, vortex.y]) - state[:2]
     far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed + track.skipped)
     squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
-    if old.circulation * vortex.circulation <= 0 or np.hypot(*d) > far or squared > s.gate**2:
+    if (
+        old.circulation_disc * vortex.circulation_disc <= 0
+        or np.hypot(*d) > far
+        or squared > s.gate**2
+    ):
         return 1e9
-    change = abs(np.log(vortex.circulation / old.circulation)) / s.circulation_change
+    change = abs(np.log(vortex.circulation_disc / old.circulation_disc)) / s.circulation_change
     return squared + change**2

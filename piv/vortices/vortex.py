@@ -9,27 +9,33 @@ from dataclasses import dataclass
 class Vortex:
     """One vortex, in the plane's units; counter-clockwise positive; `*_std`: standard uncertainty.
 
-    By its region, where the smoothed flow rotates more than it strains: `x`, `y` centroid and
-    `circulation` integral of the vorticity, `radius` of the circle of equal area,
-    `peak_vorticity`. `*_random_std` is the part of the uncertainty that the vectors' errors make.
-    `circulation_fit` to `explained` are those of the Lamb-Oseen vortex that fits best, swirl
-    circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)); NaN where none fits. `explained` is the
-    part of the vectors' variance that it explains.
+    `x`, `y`, `radius` and `peak_vorticity` are of its region, where the smoothed flow rotates more
+    than it strains: centroid, circle of equal area, largest vorticity. `circulation` is the whole
+    one of the Lamb-Oseen fit, with `circulation_radius` NaN; where none fits, or a radius is set,
+    the one within `circulation_radius`. `circulation_disc` is the smoothed vorticity within
+    `disc_radius`, which goes with the smoothing length. `*_random_std` is the part of the
+    uncertainty that the vectors' errors make. `x_fit` to `explained` are of the Lamb-Oseen vortex
+    that fits best, swirl circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)); NaN where none fits.
+    `explained` is the part of the vectors' variance that it explains.
     """
 
     x: float
     y: float
     circulation: float
+    circulation_radius: float
     radius: float
     peak_vorticity: float
+    circulation_disc: float
+    disc_radius: float
     x_std: float
     y_std: float
     circulation_std: float
     radius_std: float
     peak_vorticity_std: float
+    circulation_disc_std: float
     x_random_std: float
     y_random_std: float
-    circulation_random_std: float
+    circulation_disc_random_std: float
     x_fit: float
     y_fit: float
     circulation_fit: float

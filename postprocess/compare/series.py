@@ -23,7 +23,9 @@ def series_table(evidence: Evidence, window: _Window) -> pd.DataFrame:
     table = pd.DataFrame({"time": times, "bend_deg": bend})
     for source, track in tracks.dominant_tracks(evidence.vortices, 0, window).items():
         there = (times >= track["time"].iloc[0] - 1e-9) & (times <= track["time"].iloc[-1] + 1e-9)
-        for name in (n for n in (*tracks.COMPARED, "circulation_std") if n in track):
+        for name in (
+            n for n in (*tracks.COMPARED, "circulation_std", "circulation_fit") if n in track
+        ):
             values = np.interp(times, track["time"], track[name].astype(float))
             table[f"{name}_{source}"] = pd.Series(values).where(there)
     if "piv-cfd" in evidence.sums:

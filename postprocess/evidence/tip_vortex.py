@@ -15,9 +15,20 @@ COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
 def read_vortices(path: Path) -> pd.DataFrame:
-    """The table of vortices, sorted by time."""
+    """The table of vortices `of_disc`, sorted by time."""
     names = (*vortex_table.NEEDED, "track", "finger", "side", "tip_distance")
-    return vortex_table.read_vortices(path, names).sort_values("time", ignore_index=True)
+    return of_disc(vortex_table.read_vortices(path, names).sort_values("time", ignore_index=True))
+
+
+def of_disc(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with the disc's circulation, half a tip's width in radius, as `circulation`.
+
+    Grids and windows agree in it, in the whole one beside a body less (docs/vortices.md). That of
+    the fit stays `circulation_fit`.
+    """
+    ends = [end for end in ("", "_std", "_random_std") if f"circulation_disc{end}" in table]
+    names = {f"circulation_disc{end}": f"circulation{end}" for end in ends}
+    return table.drop(columns=[*names.values()], errors="ignore").rename(columns=names)
 
 
 def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.Series:

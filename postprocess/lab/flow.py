@@ -61,7 +61,7 @@ def measure(
     Vectors that are not `seen` do not count. StageError where no vortex is near the finger's tip.
     """
     counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
-    table = tabulate_vortices(counted, sides.vortices)
+    table = tracks.of_disc(tabulate_vortices(counted, sides.vortices))
     table, times = table[table["bridged"] == 0], plane["time"].values
     try:
         track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")

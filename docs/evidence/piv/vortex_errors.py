@@ -20,7 +20,7 @@ from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
 from piv.vortices.regions import DISC
 
 FIRST, CASES = 80001, 600  # the constants of regions.py were set on seeds below 71000
-MEASURES = ("x", "y", "circulation", "radius", "peak_vorticity")
+MEASURES = ("x", "y", "circulation_disc", "radius", "peak_vorticity")
 Case = tuple[xr.Dataset, tuple[float, float, float, float], float]  # plane, vortex, scale
 
 

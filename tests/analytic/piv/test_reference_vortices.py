@@ -35,4 +35,4 @@ def test_generated_vortex(model):
         assert a.circulation_fit_std < 1.8
         # within three scales of two steps, smoothed; noise of 2 % of it
         part = -np.expm1(-((6 * STEP) ** 2) / (5**2 + 2 * (2 * STEP) ** 2))
-        assert a.circulation == pytest.approx(part * 30, rel=0.04)
+        assert a.circulation_disc == pytest.approx(part * 30, rel=0.04)

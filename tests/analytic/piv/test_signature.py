@@ -35,7 +35,7 @@ def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):
         known = find_vortices(truth.isel(time=0).load())[0]
     # allowed to a whole recording: circulation within 5 % and centre within 1.5 mm; one pair of
     # noisy pictures reaches a fifth of that in place
-    assert seen.circulation == pytest.approx(known.circulation, rel=0.05)
+    assert seen.circulation_disc == pytest.approx(known.circulation_disc, rel=0.05)
     assert np.hypot(seen.x - known.x, seen.y - known.y) < 0.3e-3
     # windows of 32 px = 0.8 core radii broaden it
     assert seen.core_radius == pytest.approx(known.core_radius, rel=0.1)

@@ -19,14 +19,14 @@ def test_tip_vortex_is_the_same_on_both_grids(gap, core):
     cfd, piv = (find_vortices(plane, scale=2e-3)[0] for plane in (fine, coarse))
     # the report's own limits: 1.5 mm and 5 % between CFD and PIV; here a fifth of that in place
     assert np.hypot(cfd.x - piv.x, cfd.y - piv.y) < 0.3e-3
-    assert piv.circulation == pytest.approx(cfd.circulation, rel=0.05)
+    assert piv.circulation_disc == pytest.approx(cfd.circulation_disc, rel=0.05)
     # against the truth: layers in the disc of the fit belong to the vortex's surroundings, and the
     # wall hides half of it
     assert np.hypot(cfd.x_fit - centre[0], cfd.y_fit - centre[1]) < 0.12 * core
     assert cfd.circulation_fit == pytest.approx(0.01, rel=0.2)
     assert cfd.core_radius == pytest.approx(core, rel=0.12)
-    others = [abs(w.circulation) for w in find_vortices(fine, scale=2e-3)[1:]]
-    assert all(q < 0.6 * abs(cfd.circulation) for q in others)  # dominant
+    others = [abs(w.circulation_disc) for w in find_vortices(fine, scale=2e-3)[1:]]
+    assert all(q < 0.6 * abs(cfd.circulation_disc) for q in others)  # dominant
 
 
 def test_a_young_vortex_at_the_wall_is_found_and_its_layer_is_not():
@@ -34,7 +34,7 @@ def test_a_young_vortex_at_the_wall_is_found_and_its_layer_is_not():
         plane, _, core = young_scene(1e-3, hidden=0.5e-3, noise=5e-3, seed=seed)
         near = find_vortices(plane, scale=2e-3)
         assert len(near) == 1, seed
-        assert near[0].circulation > 0
+        assert near[0].circulation_disc > 0
         assert np.hypot(near[0].x, near[0].y) < core
     assert len(find_vortices(young_scene(0.5e-3)[0], scale=2e-3)) == 1
 
@@ -53,10 +53,10 @@ def test_vectors_that_piv_misses_beside_a_known_wall_change_nothing(core, gap):
     seen = plane.copy(deep=True)
     seen["valid"] = plane["valid"].where(~beside, 0)
     whole, part = (find_vortices(p, scale=2e-3)[0] for p in (plane, seen))
-    assert part.circulation == pytest.approx(whole.circulation, rel=1e-6)
-    assert part.circulation_std < 0.01 * whole.circulation
+    assert part.circulation_disc == pytest.approx(whole.circulation_disc, rel=1e-6)
+    assert part.circulation_disc_std < 0.01 * whole.circulation_disc
     bare = (find_vortices(p.drop_vars("outline"), scale=2e-3)[0] for p in (plane, seen))
-    one, other = (v.circulation for v in bare)
+    one, other = (v.circulation_disc for v in bare)
     assert abs(other - one) > 0.01 * abs(one)  # which the rule avoids
 
 
@@ -71,6 +71,6 @@ def test_a_round_vortex_that_is_strained_more_than_it_turns_is_found_and_a_sheet
     # exact but for the grid: the region's centroid, and the vorticity within the circle
     assert np.hypot(found[0].x - 2e-3, found[0].y + 1e-3) < 0.01 * core
     within = -np.expm1(-((3 * scale) ** 2) / (core**2 + 2 * scale**2)) * 0.01
-    assert found[0].circulation == pytest.approx(within, rel=0.002)
+    assert found[0].circulation_disc == pytest.approx(within, rel=0.002)
     sheet = make_plane(axis, axis, -np.tanh(y / 3e-3) + 0.1 * np.sin(200 * x), 0 * y)
     assert find_vortices(sheet, scale=scale) == []

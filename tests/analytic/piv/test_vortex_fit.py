@@ -140,10 +140,10 @@ def test_cores_that_overlap_across_a_mirror_plane_are_two_vortices_of_equal_stre
             for q, e in zip((u, v), noise, strict=True)
         )
         found = find_vortices(make_plane(axis, axis, *noisy))
-        assert [np.sign(w.x * w.circulation) for w in found] == [1, 1]
-        strengths = [abs(w.circulation) for w in found]
+        assert [np.sign(w.x * w.circulation_disc) for w in found] == [1, 1]
+        strengths = [abs(w.circulation_disc) for w in found]
         # no noise: a few per cent of the region's edge
-        assert strengths == pytest.approx([abs(exact[0].circulation)] * 2, rel=0.1)
+        assert strengths == pytest.approx([abs(exact[0].circulation_disc)] * 2, rel=0.1)
         assert found[0].x + found[1].x == pytest.approx(0, abs=0.1 * core)
 
 
@@ -156,7 +156,7 @@ def test_turbulence_is_full_of_vortices_whose_fits_differ_little():
     fitted = [w for w in found if np.isfinite(w.circulation_fit)]
     assert len(fitted) > 0.5 * len(found)
     # a disc that is widened too far swallows the eddies beside it: ten times the region's strength
-    ratios = [w.circulation_fit / w.circulation for w in fitted]
+    ratios = [w.circulation_fit / w.circulation_disc for w in fitted]
     assert np.mean([0.3 < r < 4 for r in ratios]) > 0.9
 
 
@@ -175,7 +175,9 @@ def test_units_and_sense_only_scale_the_result(scale, sense):
     assert a.x == pytest.approx(reference.x * scale, rel=1e-5)
     assert a.y == pytest.approx(sense * reference.y * scale, rel=1e-5)
     # a cell on the edge may change sides
-    assert a.circulation == pytest.approx(sense * reference.circulation * scale**2 * 500, rel=1e-3)
+    assert a.circulation_disc == pytest.approx(
+        sense * reference.circulation_disc * scale**2 * 500, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("core", [30.0, 60.0, 120.0])
@@ -188,7 +190,7 @@ def test_the_circle_holds_a_known_part_of_a_lamb_oseen_vortex_at_any_scale(core,
         # smoothed it stays a Lamb-Oseen vortex; Q > 0 ends where its swirl peaks;
         # cells of the edge: 0.5 %, of the radius 1 %; what the end of the weights makes is smaller
         wide = np.hypot(core, np.sqrt(2) * scale)
-        assert a.circulation == pytest.approx(
+        assert a.circulation_disc == pytest.approx(
             -np.expm1(-((3 * scale / wide) ** 2)) * GAMMA, rel=0.006
         )
         assert a.radius == pytest.approx(PEAK_RADIUS * wide, rel=0.012)
@@ -215,7 +217,9 @@ def test_rankine_and_taylor_green():
         disc, z = 3 * scale, np.sqrt(2) * k * 3 * scale
         whole = 10 * k * np.pi * disc**2 * 2 * j1(z) / z
         sign = np.sign(np.sin(k * w.x) * np.sin(k * w.y))
-        assert w.circulation == pytest.approx(sign * whole * np.exp(-((k * scale) ** 2)), rel=0.01)
+        assert w.circulation_disc == pytest.approx(
+            sign * whole * np.exp(-((k * scale) ** 2)), rel=0.01
+        )
 
 
 @pytest.mark.parametrize("apart, layer", [(120.0, 0.05), (160.0, 0.1)])
@@ -284,5 +288,5 @@ def test_a_hole_in_the_vectors_of_a_core_is_no_missing_vortex():
     plane = make_plane(AXIS_X, AXIS_Y, u, v, valid=~hole, flag=hole.astype(np.uint8))
     found = find_vortices(plane)[0]
     # a linear fit over two steps of smoothing misses some of the curvature: 4 %
-    assert found.circulation == pytest.approx(whole.circulation, rel=0.06)
+    assert found.circulation_disc == pytest.approx(whole.circulation_disc, rel=0.06)
     assert (found.x, found.y) == pytest.approx((600, 500), abs=1.0)

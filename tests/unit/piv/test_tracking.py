@@ -10,11 +10,11 @@ from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex
 
-PLAIN = Vortex(0, 0, 1.0, 1.0, 0.1, *[0.01] * 17)
+PLAIN = Vortex(0, 0, 1.0, np.nan, 1.0, 0.1, 1.0, 1.0, *[0.01] * 18)
 
 
 def at(x: float, y: float, circulation: float = 1.0) -> Vortex:
-    return replace(PLAIN, x=x, y=y, circulation=circulation)
+    return replace(PLAIN, x=x, y=y, circulation_disc=circulation)
 
 
 def test_crossing_vortices_of_equal_sense_keep_their_numbers():

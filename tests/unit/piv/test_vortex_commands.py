@@ -80,18 +80,25 @@ def test_settings_in_memory(tmp_path):
             command.make(tmp_path / "piv.h5", tmp_path / "out", {"colour": 1})
 
 
-def test_a_vortex_without_a_fit_has_its_line(tmp_path, capsys, monkeypatch):
-    """As of weak vortices in noise: the columns of the fit are empty."""
-    found = vortices.tabulate_vortices
-
-    def without_fit(*args, **options):
-        table = found(*args, **options)
-        return table.assign(circulation_fit=pd.array([pd.NA] * len(table), "Float64"))
-
-    monkeypatch.setattr(vortices, "tabulate_vortices", without_fit)
+def test_a_set_radius_is_that_of_the_circulation(tmp_path, capsys):
     write_series(tmp_path / "piv.h5")
-    assert piv("vortices", tmp_path / "piv.h5", "-o", tmp_path / "v.csv") == 0
-    assert "by a Lamb-Oseen fit" not in capsys.readouterr().out
+    words = "vortices", tmp_path / "piv.h5", "-o", tmp_path / "v.csv"
+    assert piv(*words, "--radius", "0.006") == 0
+    assert " m²/s within 0.006 m of its centre" in capsys.readouterr().out
+    table = read_vortices(tmp_path / "v.csv")
+    # of a core of 4 mm, bilinear on cells of 1 mm
+    within = 0.004 * -np.expm1(-((6 / 4) ** 2))
+    np.testing.assert_allclose(table["circulation"], within, rtol=0.02)
+    np.testing.assert_allclose(table["circulation_radius"], 0.006)
+
+
+def test_the_circulation_round_a_point_is_written(tmp_path, capsys):
+    write_series(tmp_path / "pair.h5", time=False)
+    words = "profile", tmp_path / "pair.h5", "-o", tmp_path / "p.csv"
+    assert piv(*words, "--around", "144", "128", "--radius", "80") == 0
+    assert ": 10 circles, 100.0% valid, largest |circulation| " in capsys.readouterr().out
+    assert list(pd.read_csv(tmp_path / "p.csv")["r"]) == [8.0 * k for k in range(1, 11)]
+    assert piv(*words, "--line", "0", "0", "80", "0", "--radius", "80") == 2
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path, capsys):

@@ -127,7 +127,7 @@ def test_noise_of_a_sensor_is_no_turn_of_the_pressure():
 def test_no_level_is_chosen_whose_page_then_states_a_larger_error():
     settings, _ = read_results(SINGLE / "studies" / "results" / "tradeoff.csv")
     errors = pd.read_csv(SINGLE / "studies" / "results" / "errors.csv", comment="#")
-    assert {"draft", "coarse", "medium"} <= {setting.level for setting in settings}
+    assert {"draft", "coarse"} <= {setting.level for setting in settings}
     times, refused = [sum(setting.seconds.values()) for setting in settings], 0
     for until in (np.inf, *(errors["start_s"].unique() + 1e-3)):
         for most in np.geomspace(0.01, 2.0, 100):
