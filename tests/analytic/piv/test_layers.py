@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy import ndimage
+from tests.shared_data import shared_data
 
 from piv.correlation.pair import correlate_pair
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from tests.shared_data import shared_data
 
 X, Y = np.meshgrid(np.arange(0, 513, 8.0), np.arange(0, 385, 8.0))
 LAYERS = {
