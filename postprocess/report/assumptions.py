@@ -1,9 +1,11 @@
 """What is modelled and what is not, each with the number that justifies it."""
 
+import os
 from typing import Any
 
 from pipeline.scene.obstacle import Obstacle
 from pipeline.scene.pinch import Pinch
+from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene
 from pipeline.scene.sections import SMOOTHING, Motion
 
@@ -73,7 +75,17 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
         *([("Obstacles", _obstacles(scene.obstacle))] if scene.obstacle else []),
         *([("Contact", _contact(scene.pinch))] if scene.pinch else []),
         ("PIV", piv),
+        ("Files", f"The run reads {', '.join(_files(scene))}."),
     ]
+
+
+def _files(scene: Scene) -> list[str]:
+    """What a run reads of the scene's folder and of others, as paths from the scene's folder."""
+    parents = [os.path.relpath(folder, scene.folder) for folder in scene.parents]
+    named = [getattr(scene.motion, key) for key in sorted(FILE_KEYS)]
+    results = scene.fea.get("results", {})
+    named += [results.get(key) for key in ("file", "displacements")]
+    return ["scene.toml", *(f"{name}/scene.toml" for name in parents), *filter(None, named)]
 
 
 def _share(share: float) -> str:

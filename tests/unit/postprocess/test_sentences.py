@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.scene.scene import load_scene
 from postprocess.compare.findings import (
     Sentence,
     judge_sentence,
@@ -11,6 +12,8 @@ from postprocess.compare.findings import (
     read_sentences,
 )
 from postprocess.compare.quantities import QUANTITIES
+from postprocess.report.assumptions import statements
+from tests.conftest import ROOT
 
 PINCH = Path("cases/pinch/reference/findings.toml")
 FINDINGS = read_findings(PINCH, frozenset(QUANTITIES))
@@ -56,3 +59,10 @@ def test_a_sentence_that_says_too_little_is_refused(tmp_path, entry, told):
     path.write_text(f"[[sentence]]\n{entry}\n")
     with pytest.raises(ValueError, match=told):
         read_sentences(path, FINDINGS)
+
+
+def test_the_page_lists_what_a_run_reads_of_other_folders():
+    scene = load_scene(ROOT / "cases" / "single_deflate", "smoke")
+    files = dict(statements(scene, 0.5, 0.2))["Files"]
+    assert "../single_finger/scene.toml, " in files
+    assert files.endswith("../single_finger/kinematics/states.h5.")
