@@ -81,14 +81,13 @@ def compare_with(
         raise StageError(f"{dpiv.folder / NAME}: pressure_csv = {dpiv.pressure_csv}: no such file")
     scene, lab = run.scene, run.out / "lab" / dpiv.folder.resolve().name
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
-    make(run, "kinematics", machine, quiet)
     lab.mkdir(parents=True, exist_ok=True)
     with exclusive(lab):
-        if scene.coupled:
-            make(run, "solve", machine, quiet)
-        kinematics = read_kinematics(run.path("kinematics"))
+        make(run, run.motion, machine, quiet)
+        motion = scene.motion_folder / "kinematics.h5"
+        kinematics = read_kinematics(motion)
         kinematics = along_bend(kinematics) if scene.coupled else kinematics
-        bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
+        bend_std = _fea_band(dpiv, kinematics, motion)
         registration, view = registered(dpiv, kinematics, lab / "registration_refused.png")
         case = Case(kinematics, registration, bend_std)
         runs = {}
@@ -98,8 +97,8 @@ def compare_with(
             runs[of.name] = one = open_run(
                 scene.folder, scene.level, dict(run.overrides) | values, out
             )
-            make(one, "solve" if scene.coupled else "kinematics", machine, quiet=True)
-            changed = read_kinematics(one.path("kinematics"))
+            make(one, one.motion, machine, quiet=True)
+            changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
             case.effects.append(Effect(of, *difference(kinematics, changed)))
         if not quick:
             agrees = verdicts(_judged(motion_quantities(case)))["motion"] == AGREES
@@ -171,7 +170,7 @@ def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) ->
     values |= {"motion.pressure_csv": str(path.resolve()), "motion.smoothing": SMOOTHING}
     one = open_run(run.scene.folder, run.scene.level, values, out)
     make(one, "solve", machine, quiet)
-    return read_kinematics(one.path("kinematics"))
+    return read_kinematics(one.scene.motion_folder / "kinematics.h5")
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:

@@ -17,7 +17,7 @@ from pipeline.kinematics.camera_window import following, tip_path, unseen_tip
 from pipeline.kinematics.values import kinematics_values
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.sources import sources_digest
-from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
+from pipeline.runs.stages import BY_NAME, COUPLED, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from piv.files.atomic import sha256
@@ -52,13 +52,29 @@ class Run:
         """Folder of the results."""
         return self.scene.out
 
+    def stage(self, name: str) -> Stage:
+        """The row of a stage, as this run takes it."""
+        return (COUPLED if self.scene.coupled else {}).get(name, BY_NAME[name])
+
+    @property
+    def motion(self) -> str:
+        """Name of the stage that gives the motion and the meshes of the flow."""
+        return "solve" if self.scene.coupled else "kinematics"
+
     def path(self, stage: str) -> Path:
         """The first file of a stage."""
-        return self.out / BY_NAME[stage].done
+        return self.out / self.stage(stage).done
 
-    def inputs(self, stage: Stage) -> tuple[str, ...]:
-        """Names of the stages that a stage reads."""
-        return ("fea",) if self.analysed and stage.name == "kinematics" else stage.inputs
+    def inputs(self, stage: str) -> tuple[str, ...]:
+        """Names of the stages that a stage reads.
+
+        After a coupled solver, that one gives the motion and the meshes.
+        """
+        if self.analysed and stage == "kinematics":
+            return ("fea",)
+        names = self.stage(stage).inputs
+        guesses = {"kinematics", "mesh"} if self.scene.coupled and "solve" in names else set()
+        return tuple(name for name in names if name not in guesses)
 
     @cached_property
     def _numbers(self) -> dict[str, Any]:
@@ -69,10 +85,9 @@ class Run:
 
         Keys without a value are omitted, so that a new optional key makes no result stale.
         """
-        step = BY_NAME[stage]
+        step = self.stage(stage)
         numbers: dict[str, Any] = {}
-        coupled = step.coupled if self.scene.coupled else {}
-        for section, keys in (step.sections | coupled).items():
+        for section, keys in step.sections.items():
             part = self._numbers[section]
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}
             numbers |= flat({section: chosen})
@@ -82,9 +97,8 @@ class Run:
         files = {name: _sum(path) for name, path in sorted(_files(step, self.scene).items())}
         if self.analysed:
             files.pop("motion.states", None)  # the result of the stage fea, an input
-        inputs = {name: self.digest(name) for name in self.inputs(step)}
-        version = step.version + (step.coupled_version if self.scene.coupled else 0)
-        made = {"version": version, "numbers": numbers, "files": files, "inputs": inputs}
+        inputs = {name: self.digest(name) for name in self.inputs(stage)}
+        made = {"version": step.version, "numbers": numbers, "files": files, "inputs": inputs}
         return made | ({"sources": sources_digest(step.module)} if step.by_sources else {})
 
     def digest(self, stage: str) -> str:
@@ -117,8 +131,8 @@ class Run:
             if stage in reasons:
                 return
             why = self.why_stale(stage)
-            for name in self.inputs(BY_NAME[stage]):
-                if why or not BY_NAME[name].temporary:
+            for name in self.inputs(stage):
+                if why or not self.stage(name).temporary:
                     visit(name)
             if why:
                 reasons[stage] = why
@@ -152,8 +166,10 @@ class Run:
 
     def _check_view(self) -> None:
         """StageError where the tip leaves the camera's picture, or its path is not known."""
-        if self.why_stale("kinematics") is None:  # its motion is nearer to that of the run
-            tip = read_kinematics(self.path("kinematics")).data["shape_tip"].values
+        known = self.why_stale(self.motion) is None
+        if known or self.why_stale("kinematics") is None:  # nearer to the motion of the run
+            folder = self.scene.motion_folder if known else self.out
+            tip = read_kinematics(folder / "kinematics.h5").data["shape_tip"].values
         elif self.analysed and self.scene.camera.centre is not None:
             return  # the states are not there yet
         else:

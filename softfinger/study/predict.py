@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from pipeline.formats.mesh_intervals import read_intervals, read_sweep
-from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.openfoam.case_folder import LEAST_CELLS
 from pipeline.runs.estimate import duration
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene

@@ -108,7 +108,7 @@ def compared(nominal: Run, seed: int, folder: Path, rate: float) -> dict[str, ob
     fault = PLAN[(seed - 201) % 10]
     beside = float(rng.choice(BESIDE)) if ten % 2 else 1.0
     run, base, flow = flow_of(nominal, fault, folder)
-    kinematics = read_kinematics(run.path("kinematics"))
+    kinematics = read_kinematics(run.scene.motion_folder / "kinematics.h5")
     stated = Pose(SCALE, 0.0, kinematics.root, (220.0, 430.0))
     x, y = (float(v) for v in stated.at_px + rng.uniform(-4, 4, 2))
     scale, turn = SCALE * (1 + rng.normal(0, 0.005)), np.radians(rng.uniform(-2, 2))

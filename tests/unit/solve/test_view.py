@@ -8,8 +8,8 @@ import pytest
 import pyvista as pv
 
 from pipeline.formats.mesh_intervals import read_intervals, read_sweep
+from pipeline.openfoam.case_folder import collated_content
 from pipeline.openfoam.foamfile import binary_list, header, write_bytes, write_field
-from pipeline.openfoam.ranks import collated_content
 from pipeline.paraview.command import write_series
 from pipeline.paraview.fields import RunFields
 from pipeline.paraview.grids import X, Z

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.openfoam.case_folder import LEAST_CELLS
 from pipeline.runs.estimate import duration
 from softfinger.study.predict import prediction, step_time, useful_ranks
 from tests.conftest import write_scene

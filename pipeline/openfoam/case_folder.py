@@ -1,4 +1,4 @@
-"""The files of a case for its MPI ranks: a folder for each, or one folder of collated files.
+"""A case and its MPI ranks: a folder of files for each, or one folder of collated files.
 
 Collated files are OpenFOAM's decomposedBlockData: a header, then for each rank its size and its
 bytes in brackets. The header of the blocks' content stands in the first one only.
@@ -21,24 +21,28 @@ BLOCK = re.compile(rb"\s*// [Pp]rocessor\d+\s+(\d+)\s*\(")
 
 
 @dataclass(frozen=True)
-class Ranks:
-    """MPI ranks, and whether their files are collated (never of one rank)."""
+class Case:
+    """The folder of a case, its MPI ranks, and whether their files are collated (never of one)."""
 
-    count: int = 1
+    folder: Path
+    ranks: int = 1
     collated: bool = False
 
-    def __str__(self) -> str:
-        return f"{self.count} ranks" + (" and collated files" if self.collated else "")
+    @property
+    def layout(self) -> str:
+        """Ranks and files in words."""
+        return f"{self.ranks} ranks" + (" and collated files" if self.collated else "")
 
-    def folders(self, case: Path) -> list[Path]:
-        """Folders of `case` in which times are written."""
-        if self.count == 1:
-            return [case]
+    @property
+    def folders(self) -> list[Path]:
+        """Folders in which times are written."""
+        if self.ranks == 1:
+            return [self.folder]
         if self.collated:
-            return [case / f"processors{self.count}"]
-        return [case / f"processor{rank}" for rank in range(self.count)]
+            return [self.folder / f"processors{self.ranks}"]
+        return [self.folder / f"processor{rank}" for rank in range(self.ranks)]
 
-    def announce(self, case: Path, time: str) -> None:
+    def announce(self, time: str) -> None:
         """Let a resumed run find the old volumes and the mesh fluxes in collated files.
 
         v1912 reads them only where it sees their names in each rank's own folder: empty files stand
@@ -46,30 +50,39 @@ class Ranks:
         """
         if self.collated:
             for name in _MESH_PAST:
-                for rank in range(self.count):
-                    if (self.folders(case)[0] / time / name).exists():
-                        write_bytes(case / f"processor{rank}" / time / name, b"")
+                for rank in range(self.ranks):
+                    if (self.folders[0] / time / name).exists():
+                        write_bytes(self.folder / f"processor{rank}" / time / name, b"")
 
-    def withdraw(self, case: Path) -> None:
+    def withdraw(self) -> None:
         """Remove the files of `announce`, also after a run that was killed."""
         if self.collated:
-            for rank in range(self.count):
-                shutil.rmtree(case / f"processor{rank}", ignore_errors=True)
+            for rank in range(self.ranks):
+                shutil.rmtree(self.folder / f"processor{rank}", ignore_errors=True)
 
-    def contents(self, case: Path, name: str) -> list[bytes]:
+    def is_whole(self, path: Path) -> bool:
+        """Whether OpenFOAM finished writing a file, for all ranks where it is collated."""
+        if not self.collated:
+            return is_complete(path)
+        content = path.read_bytes()
+        if COLLATED not in content[:HEAD]:
+            return is_complete(path)  # written by one rank for all
+        return len(read_blocks(content)) == self.ranks
+
+    def contents(self, name: str) -> list[bytes]:
         """Content of the file `name`, rank by rank; StageError where it is missing or cut off."""
-        paths = [folder / name for folder in self.folders(case)]
+        paths = [folder / name for folder in self.folders]
         for path in paths:
             if not path.exists():
                 raise StageError(f"{path}: missing; delete the case folder and run make again")
         contents = [path.read_bytes() for path in paths]
-        if not self.collated or self.count == 1:
+        if not self.collated or self.ranks == 1:
             return contents
         blocks = read_blocks(contents[0])
-        if len(blocks) != self.count:
+        if len(blocks) != self.ranks:
             raise StageError(
-                f"{paths[0]}: {len(blocks)} of {self.count} ranks are in it; delete {case} and run"
-                " make again"
+                f"{paths[0]}: {len(blocks)} of {self.ranks} ranks are in it; delete {self.folder}"
+                " and run make again"
             )
         return blocks
 
@@ -95,13 +108,3 @@ def collated_content(name: str, blocks: list[bytes]) -> bytes:
         for rank, block in enumerate(blocks)
     ]
     return header(COLLATED.decode(), "", name, binary=True) + b"".join(parts)
-
-
-def is_whole(path: Path, ranks: Ranks) -> bool:
-    """Whether OpenFOAM finished writing a file, for all ranks where it is collated."""
-    if not ranks.collated:
-        return is_complete(path)
-    content = path.read_bytes()
-    if COLLATED not in content[:HEAD]:
-        return is_complete(path)  # written by one rank for all
-    return len(read_blocks(content)) == ranks.count
