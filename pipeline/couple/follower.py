@@ -215,6 +215,7 @@ class Follower(KnownMotion):
 
     def finish(self) -> None:
         """Repeat what is left of the motion; the part's mesh then has all of it."""
+        super().finish()
         self._catch_up(self._end)
         self.part.mesh = self._mesh()
 

@@ -8,7 +8,7 @@ from tqdm import tqdm
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.mesh_intervals import PER_FINGER, Interval, IntervalMesh, read_meshes
 from pipeline.openfoam.case_folder import LEAST_CELLS, Case
-from pipeline.openfoam.displacement_files import Steps, write_frames
+from pipeline.openfoam.displacement_files import Steps, remove_frames, write_frames
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import resumable_case
 from pipeline.solve.guards import Guard, guard_of
@@ -57,7 +57,8 @@ class KnownMotion:
         """The solver has ended, or was stopped."""
 
     def finish(self) -> None:
-        """The interval is solved to its end."""
+        """The interval is solved to its end: the displacements are removed."""
+        remove_frames(self.part.case)
 
 
 def solver_intervals(scene: Scene, ranks: int, collated: bool, quiet: bool) -> list[SolverInterval]:

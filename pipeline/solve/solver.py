@@ -14,7 +14,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pipeline.case.interval_case import write_numbers
-from pipeline.openfoam.displacement_files import remove_frames, time_name
+from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.environment import (
     die_with_parent,
     environment_in,
@@ -116,7 +116,6 @@ def solve_intervals(
             pinch, moving = scene.pinch is not None, spans[k].moving
             rightly = resumes_rightly(version, scene.model.kind, pinch, moving)
             spent.append(solve(part, motion, bar, hosts, rightly))
-            remove_frames(part.case)
             motion.finish()
             bar.update(spans[k].end - bar.n)
     return spent
