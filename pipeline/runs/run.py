@@ -53,7 +53,7 @@ class Run:
         return self.scene.out
 
     def stage(self, name: str) -> Stage:
-        """The row of a stage, as this run takes it."""
+        """The row of a stage, of a coupled run where the scene is one."""
         return (COUPLED if self.scene.coupled else {}).get(name, BY_NAME[name])
 
     @property
@@ -66,15 +66,8 @@ class Run:
         return self.out / self.stage(stage).done
 
     def inputs(self, stage: str) -> tuple[str, ...]:
-        """Names of the stages that a stage reads.
-
-        After a coupled solver, that one gives the motion and the meshes.
-        """
-        if self.analysed and stage == "kinematics":
-            return ("fea",)
-        names = self.stage(stage).inputs
-        guesses = {"kinematics", "mesh"} if self.scene.coupled and "solve" in names else set()
-        return tuple(name for name in names if name not in guesses)
+        """Names of the stages that a stage reads."""
+        return ("fea",) if self.analysed and stage == "kinematics" else self.stage(stage).inputs
 
     @cached_property
     def _numbers(self) -> dict[str, Any]:

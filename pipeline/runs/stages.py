@@ -134,9 +134,11 @@ STAGES = (
         {"title": True, "name": True, "level": True}, cost=(1, 900), by_sources=True,
     ),
 )  # fmt: skip
+_GUESSED = {"kinematics", "mesh"}
 _STRUCTURE = {"structure": True, "fluid": True, "model": True, "numerics": {"time_step"}}
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}
-# the rows of a coupled run in their place: its solver gives the motion and the meshes
+# The rows of a coupled run in their place. Its solver gives the motion and the meshes: what
+# kinematics and mesh have made is a first guess.
 COUPLED = {
     stage.name: stage
     for stage in (
@@ -147,6 +149,10 @@ COUPLED = {
         replace(BY_NAME["case"], version=4),
         # 1.1 to 1.5 in docs/coupling.md
         replace(BY_NAME["solve"], module="pipeline.couple.stage", slower=1.4),
+        *(
+            replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
+            for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}
+        ),
     )
 }  # fmt: skip
 TARGETS = tuple(dict.fromkeys(word for s in STAGES for word in (s.name, s.group) if word))
