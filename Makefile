@@ -5,8 +5,7 @@ LEVEL    ?= coarse
 SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
-VALUES   := LEVEL NP HOSTS COLLATED QUIET COUPLED ACCURACY BUDGET SLURM NODES MINUTES PARTITION \
-            ACCOUNT RETRIES STUDIES WHOLE SNAKEFLAGS DPIV INPUTS QUICK
+VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
 export $(VALUES)
 
 SHELL    := /bin/sh
@@ -23,7 +22,7 @@ UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study tradeoff predict compare fea validate docs test unit lint \
+.PHONY: help setup study tradeoff compare fea validate docs test unit lint \
     test-slurm faults bench-piv clean $(SCENES)
 
 help: ## this list
@@ -32,10 +31,10 @@ help: ## this list
 	@echo "make SCENE.STAGE      up to one stage ($(RUN) stages lists them); SCENE.view: for ParaView"
 	@echo "    LEVEL=smoke (2-D, 1 minute), draft (3), coarse (default, 6), medium (14), fine and"
 	@echo "    reference (hours)"
-	@echo "    NP=4 MPI ranks, HOSTS=hosts.txt, COLLATED=1; QUIET=1; WHOLE=1 with view: the whole tank"
+	@echo "    NP=4 MPI ranks"
 	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
 	@echo "    COUPLED=1: pressure and water make the motion together"
-	@echo "    SLURM=1 [NODES=.. MINUTES=.. PARTITION=.. ACCOUNT=.. RETRIES=..]: as batch jobs"
+	@echo "    SLURM=1: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-22s%s\n", $$1, $$2}'
 	@echo "All commands and their options: $(RUN) --help"
@@ -56,38 +55,34 @@ $(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)
 fea: $(READY) ## bending states of the actuator of SCENE
 	@$(RUN) fea cases/$(SCENE)
 
-compare: $(READY) ## SCENE against laboratory data: DPIV=folder [QUICK=1: motion alone]
+compare: $(READY) ## SCENE against laboratory data: DPIV=folder
 	@$(RUN) compare cases/$(SCENE)
 
-study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv [STUDIES="some runs"]
+study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv
 	@$(RUN) study "$$STUDY" $(if $(filter command,$(firstword $(origin SCENE))),--scene cases/$(SCENE))
 
 tradeoff: .venv-study/.ready ## what accuracy costs (hours): ACCURACY and BUDGET need it
 	@$(RUN) tradeoff cases/$(SCENE)
 
-predict: $(READY) ## time of SCENE at LEVEL on 1 to 256 ranks, and how many ranks pay
-	@$(RUN) predict cases/$(SCENE)
-
 validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
-	@$(RUN) study cases/validation/studies/plate_rotating.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
-	@nice $(PY) -m tests.studies.validation
+	@nice $(PY) -m docs.evidence.validation
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
-	@$(PY) -m tests.studies.reference
+	@$(PY) -m docs.evidence.reference
 	@for scene in $(DOCS); do $(RUN) run cases/$$scene || exit; done
-	@$(PY) -m tests.studies.pictures $(DOCS)
+	@$(PY) -m docs.evidence.pictures $(DOCS)
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
 	@echo "site: $(CURDIR)/site/index.html"
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
-	@$(PY) -m tests.studies.piv
+	@$(PY) -m docs.evidence.piv
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once
-	@$(PY) -m tests.studies.faults
+	@$(PY) -m docs.evidence.faults
 
 test-slurm: .venv-study/.ready ## a real Slurm of one node, started and stopped by the test (root)
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from piv.momentum.outline import line_loads as line_loads
     from piv.momentum.pressure import pressure as pressure
     from piv.sequence.ensemble import correlate_ensemble as correlate_ensemble
+    from piv.sequence.frame_sets import SequenceOptions as SequenceOptions
     from piv.sequence.multiframe import correlate_frames as correlate_frames
-    from piv.sequence.sequence import SequenceOptions as SequenceOptions
     from piv.sequence.sequence import correlate_recording as correlate_recording
     from piv.vortices.find import find_vortices as find_vortices
     from piv.vortices.settings import VortexSettings as VortexSettings
@@ -55,7 +55,8 @@ _MODULES = {
     "piv.momentum.pressure": ("pressure",),
     "piv.sequence.ensemble": ("correlate_ensemble",),
     "piv.sequence.multiframe": ("correlate_frames",),
-    "piv.sequence.sequence": ("SequenceOptions", "correlate_recording"),
+    "piv.sequence.frame_sets": ("SequenceOptions",),
+    "piv.sequence.sequence": ("correlate_recording",),
     "piv.vortices.find": ("find_vortices",),
     "piv.vortices.settings": ("VortexSettings",),
     "piv.vortices.table": ("tabulate_vortices",),

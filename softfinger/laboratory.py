@@ -73,9 +73,9 @@ def compare_with(
 
     dpiv = read_dpiv(folder)
     if quick and dpiv.kind == "vectors":
-        raise StageError("QUICK=1 compares the motion, which vectors do not show; leave it out")
+        raise StageError("--quick compares the motion, which vectors do not show; leave it out")
     if quick and run.scene.coupled:
-        raise StageError("QUICK=1 solves nothing, and COUPLED=1 needs a run; leave one of them out")
+        raise StageError("--quick solves nothing, and COUPLED=1 needs a run; leave one of them out")
     pressure = dpiv.folder / dpiv.pressure_csv if dpiv.pressure_csv else None
     if pressure is not None and not pressure.is_file():
         raise StageError(f"{dpiv.folder / NAME}: pressure_csv = {dpiv.pressure_csv}: no such file")
@@ -115,7 +115,7 @@ def compare_with(
             "scene": scene.name,
             "level": scene.level,
             "data": dpiv.title,
-            "numerics": level_error([scene.folder, *scene.parents], scene.level)[0],
+            "numerics": level_error([scene.folder, *scene.parents], scene.level).sentence,
             "registration": registration.summary(),
             "provenance": {
                 "versions": versions(*LIBRARIES),

@@ -50,23 +50,22 @@ _SETTINGS: dict[str, Callable[[Scene], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Machine:
-    """MPI ranks, parallel threads and stages, MPI host file, one file for all ranks."""
+    """MPI ranks, parallel threads and stages, MPI host file."""
 
     ranks: int = 1
     jobs: int = 1
     hosts: Path | None = None
-    collated: bool = False
 
     def __post_init__(self) -> None:
         if min(self.ranks, self.jobs) < 1:
             raise StageError(f"NP={self.ranks}: give 1 or more")
         if self.hosts is not None and not self.hosts.is_file():
-            raise StageError(f"HOSTS={self.hosts}: no such file; give one with a host per line")
+            raise StageError(f"--hosts {self.hosts}: no such file; give one with a host per line")
 
     def options(self, stage: Stage) -> dict[str, Any]:
         """Options of a stage's function."""
         if stage.ranks:
-            return {"ranks": self.ranks, "hosts": self.hosts, "collated": self.collated}
+            return {"ranks": self.ranks, "hosts": self.hosts}
         if stage is FEA:
             return {"processes": self.jobs}
         return {"threads": self.jobs} if stage.threads else {}

@@ -5,9 +5,7 @@ import os
 # an outer make's jobs and command line, and the values that it exports
 OUTER = {
     "MAKEFLAGS", "MFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "TYPED", "SCENE", "STUDY", "DOCS", "LEVEL",
-    "NP", "HOSTS", "COLLATED", "QUIET", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "NODES",
-    "MINUTES", "PARTITION", "ACCOUNT", "RETRIES", "STUDIES", "WHOLE", "SNAKEFLAGS", "DPIV",
-    "INPUTS", "QUICK",
+    "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV",
 }  # fmt: skip
 
 

@@ -21,8 +21,6 @@ FLAGS = [
     "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync",
 ]  # fmt: skip
-OPEN = "document.querySelectorAll('details').forEach(d => d.open = true);"
-AXE = Path(__file__).parent / "axe" / "axe.min.js"
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # key of an element in W3C WebDriver
 
 
@@ -82,18 +80,6 @@ class Browser:
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self.devtools("Emulation.setDeviceMetricsOverride", **size)
         self.open(url)
-
-    def axe(self) -> dict[str, list[str]]:
-        """What axe finds serious in the page, its folded parts open: rule and elements."""
-        # by devtools, since the page allows no scripts
-        self.devtools("Runtime.evaluate", expression=OPEN + AXE.read_text(encoding="utf-8"))
-        report = "axe.run().then(r => JSON.stringify([r.violations, r.passes.length]))"
-        options = {"expression": report, "awaitPromise": True, "returnByValue": True}
-        answer = self.devtools("Runtime.evaluate", **options)
-        violations, passed = json.loads(answer["result"]["value"])
-        assert passed > 15, "axe must have checked the page"
-        serious = [f for f in violations if f["impact"] in ("serious", "critical")]
-        return {f["id"]: [n["html"][:120] for n in f["nodes"][:3]] for f in serious}
 
     def run(self, script: str):
         """Value of a piece of JavaScript with `return`."""

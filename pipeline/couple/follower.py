@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.case.interval_case import build_mesh, sides, write_interval
 from pipeline.couple.motion import CoupledMotion
 from pipeline.formats.bending_states import FloatArray
-from pipeline.formats.mesh_intervals import PER_FINGER, Interval, IntervalMesh, NodeMotion
+from pipeline.formats.mesh_intervals import Interval, IntervalMesh, NodeMotion
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import shape_quality
 from pipeline.geometry.sweep import OUTER_PATCHES
@@ -138,7 +138,7 @@ class Follower(KnownMotion):
         file, density = self._guess.planform, run.scene.fluid.density
         gaps = sides(file) == OUTER_PATCHES.index("gap")
         place, force = forces_of_water(
-            file, self._guess.sweep, self.nodes[number], walls, gaps, density
+            file, self._guess.sweep, self.nodes[number], walls, gaps, density, run.copies
         )
         posed = Posed(run.finger, pressure, delta)
         *turned, pushed = -np.array([posed.of_forces(place, one)[1:] for one in force])
@@ -227,9 +227,8 @@ class Follower(KnownMotion):
     def _take(self, number: int) -> None:
         """From the sample at the end of a step to the motion of the next."""
         run = self._run
-        density, copies = run.scene.fluid.density, PER_FINGER[run.scene.model.kind]
         posed = Posed(run.finger, *run.state(number))
-        loads, _ = posed.loads(self._surface(number), density, copies)
+        loads, _ = posed.loads(self._surface(number), run.scene.fluid.density, run.copies)
         run.history.take(number, loads[1:])
         self._known = number
         self._advance(number)

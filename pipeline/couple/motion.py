@@ -18,7 +18,7 @@ from pipeline.openfoam.displacement_files import steps_of
 from pipeline.scene.scene import Scene
 from pipeline.solve.interval import SolverInterval
 from pipeline.structure.coupling import Coupling
-from pipeline.structure.finger import ElasticFinger, Posed
+from pipeline.structure.finger import ElasticFinger, Posed, copies
 from piv.files.errors import StageError
 
 _CONTACT = 0.01  # N: the first force that is tried
@@ -31,7 +31,7 @@ class CoupledMotion:
         self.scene = scene
         self.step = scene.numerics.time_step
         self.last = steps_of(scene.motion.end_time, self.step)
-        self.finger = ElasticFinger.of(scene)
+        self.finger, self.copies = ElasticFinger.of(scene), copies(scene)
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
         self.force = np.zeros(self.last + 1)  # of the contact, N

@@ -13,14 +13,15 @@ from piv.files.errors import StageError
 from piv.files.lock import exclusive
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> dict[str, float]:  # fmt: skip
+def run(
+    scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None
+) -> dict[str, float]:
     """Solve from the first guess of motion and meshes; as the stage solve, and write both anew."""
     if hosts is not None:
         raise StageError(f"hosts = {hosts}: a coupled run takes this machine alone; leave it out")
     motion = CoupledMotion(scene)
     with exclusive(scene.out / "solver"):
-        parts = solver_intervals(scene, ranks, collated, quiet)
+        parts = solver_intervals(scene, ranks, quiet)
         follower = partial(Follower, motion, [part.span for part in parts])
         spent = solve_intervals(scene, parts, follower, hosts, quiet)
         motion.write(parts)

@@ -1,13 +1,14 @@
 """From a pressure path of the unit cell to the bending states of the finger."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from pipeline.fea.cell import plane
-from pipeline.fea.cell.bending_law import TURNS, bending_law
+from pipeline.fea.cell.bending_law import TURNS, bending_law, longer
 from pipeline.fea.cell.path import follow
-from pipeline.fea.cell.unit_cell import State, UnitCell
+from pipeline.fea.cell.unit_cell import NotConverged, State, UnitCell
 from pipeline.fea.finger import arc_length, chain, fit_circle, smoothed
 from pipeline.fea.settings import Actuator, Fea
 from pipeline.formats.bending_states import BendingStates, FloatArray
@@ -45,11 +46,13 @@ def bend(
     done: Callable[[], object] = lambda: None,
     pressures: FloatArray | None = None,
     turns: tuple[float, ...] = TURNS,
+    further: Callable[[BendingStates], tuple[float, ...]] = lambda _: (),
 ) -> BendingStates:
     """Converged bending states at `pressures` (Pa, else those of `fea`) by the unit cell.
 
     Their law of bending has the moments that would turn the finger by `turns` (rad). The bend angle
-    is the arc of the fitted circle, γ = length / R, equation (6). Raises NotConverged.
+    is the arc of the fitted circle, γ = length / R, equation (6). `further`: more turns, by the
+    states; those that do not converge are left out. Raises NotConverged.
     """
     cell = UnitCell(actuator, fea.mesh)
     path = follow(cell, fea.pressures if pressures is None else pressures, done)
@@ -58,7 +61,7 @@ def bend(
     radius, residual = np.array([fit_circle(line) for line in profiles]).T
     at_rest = profile(cell, cell.rest(), actuator)[:, 0]
     thickness = np.array([_thickness(cell, state) for state in states])
-    return BendingStates(
+    found = BendingStates(
         pressure=np.array(list(path)),
         profile=smoothed(profiles, at_rest, max(1, int(actuator.length / (1.25 * actuator.pitch)))),
         thickness=np.repeat(thickness[:, None], profiles.shape[1], 1),
@@ -70,3 +73,9 @@ def bend(
         width=actuator.width,
         law=bending_law(cell, states, actuator, turns) if fea.under_load else None,
     )
+    if found.law is None or not (more := further(found)):
+        return found
+    try:
+        return replace(found, law=longer(found.law, bending_law(cell, states, actuator, more)))
+    except NotConverged:
+        return found

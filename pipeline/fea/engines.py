@@ -20,9 +20,13 @@ READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read
 
 
 def bending_states(
-    folder: Path, actuator: Actuator, fea: Fea, done: Callable[[], object] = lambda: None
+    folder: Path,
+    actuator: Actuator,
+    fea: Fea,
+    done: Callable[[], object] = lambda: None,
+    further: Callable[[BendingStates], tuple[float, ...]] = lambda _: (),
 ) -> BendingStates:
-    """States of the case in `folder`, with their provenance.
+    """States of the case in `folder`, with their provenance; `further` as in `analyse.bend`.
 
     Raises StageError, ValueError or RuntimeError.
     """
@@ -30,7 +34,8 @@ def bending_states(
         states = imported(folder, fea.results, actuator.width)
         solver = f"imported from {fea.results.file}"
     else:
-        states, solver = analyse.bend(actuator, fea, done), f"FElupe {version('felupe')}, unit cell"
+        states = analyse.bend(actuator, fea, done, further=further)
+        solver = f"FElupe {version('felupe')}, unit cell"
         if len(states.pressure) < len(fea.pressures) and not fea.partial:
             ends = f"{states.pressure[0] / 1e3:g} and {states.pressure[-1] / 1e3:g} kPa"
             raise StageError(

@@ -30,6 +30,9 @@ weight_work?  step  J  of weight and buoyancy
 elastic_energy?  step  J  of bending against the shape without load
 kinetic_energy?  step  J  of the rubber and of the water in the gaps
 damping_loss?  step  J  lost in the rubber
+loss_factor?  band  1  lowest and highest of the rubber, where the scene gives none
+largest_bend?  band  rad  in modelled water with these
+settled?  band  s  since when the bend then stays within 5 % of its rest at the last pressure
 coupled  -  1  1: pressure and water made the motion; 0: it is prescribed
 unknown  -  -  why the motion in water is not known, as a sentence; empty where it is
 tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
@@ -42,12 +45,27 @@ first_order?  -  1  coupled: 1: the loads were continued to first order
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
-_DAMPING = " The overshoot depends on structure.damping."
+SETTLED = 0.05  # of the bend at rest
+
+
+def _damping(values: Mapping[str, Any]) -> str:
+    """What the band of the rubber's loss factor does, in words; empty where none is known."""
+    if "loss_factor" not in values:
+        return ""
+    (low, high), bend, settled = (
+        np.asarray(values[name]) for name in ("loss_factor", "largest_bend", "settled")
+    )
+    most, least = np.degrees(bend)
+    return (
+        f" The rubber's loss factor is between {low:.2f} and {high:.2f}. In modelled water the"
+        f" largest bend is then {most:.1f} to {least:.1f}°, and the finger stays within"
+        f" {100 * SETTLED:.0f} % of its rest from {settled[0]:.2f} to {settled[1]:.2f} s on."
+    ).replace("-", "−")
 
 
 def motion_sentence(values: Mapping[str, Any]) -> str:
     """What the water does to the motion, in words, from the values of a loads.h5."""
-    if values["unknown"]:
+    if values["unknown"] and not values["coupled"]:
         return str(values["unknown"])
     if values["coupled"]:
         order = ", continued to first order," if values["first_order"] else ""
@@ -67,7 +85,8 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
                 if values["contact_force"] > 0
                 else ""
             )
-            + _DAMPING
+            + _damping(values)
+            + f" {values['unknown']}".rstrip()
         )
     bend, wet = (np.degrees(np.asarray(values[name])) for name in ("bend", "bend_in_water"))
     step, apart = np.asarray(values["step"]), wet - bend
@@ -81,5 +100,6 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
         return f"The motion is prescribed; modelled water changes it by less than {_WORTH:g}°."
     return (
         "The motion is prescribed. By a chain of slices in modelled water, a finger with this"
-        f" pressure would be {', and '.join(parts)}: use COUPLED=1 if that matters.{_DAMPING}"
+        f" pressure would be {', and '.join(parts)}: use COUPLED=1 if that matters."
+        + _damping(values)
     )

@@ -12,6 +12,7 @@ from pipeline.mesh.morph import Morph, MorphError, corner_triangles
 from pipeline.mesh.wall_layers import outline_at
 
 _NEAR_KNOT = 0.3  # of the distance between knots: one nearer to an end of a part is left out
+_LEAST_WAY = 0.1  # of a tip's way: what it moves back by less leaves no vortex to resolve
 _BETWEEN = 3  # shapes to each interval between knots, as the motion runs through them
 
 
@@ -23,10 +24,11 @@ class ShapeSequence:
     outline: ndarray  # (knot, point, 2)
     tip: ndarray  # (knot, 2), or several: (knot, edge, 2)
     bend: ndarray  # (knot,) rad
+    near: ndarray  # (knot, place, 2): cells stay small about these
 
     def at(self, parameter: ndarray) -> "ShapeSequence":
         """The shapes at other parameters, by cubic splines."""
-        values = (self.outline, self.tip, self.bend)
+        values = (self.outline, self.tip, self.bend, self.near)
         return ShapeSequence(
             parameter, *(CubicSpline(self.parameter, v)(parameter) for v in values)
         )
@@ -43,6 +45,31 @@ class ShapeSequence:
         if len(inner) < 3:
             return self.at(np.linspace(low, high, 5))  # a cubic spline needs four
         return self.at(np.concatenate([[low], inner, [high]]))
+
+
+def behind_tip(
+    parameter: ndarray,
+    tip: ndarray,
+    tip_direction: ndarray,
+    dorsal_direction: ndarray,
+    motion: ndarray,
+    offset: tuple[float, float],
+) -> ndarray:
+    """Places (knot, place, 2) `offset` (m) beyond the tips of each shape and behind their motion.
+
+    `tip`: (knot, 2) or (knot, edge, 2), `motion`: the parameter after each time step. A tip that
+    moves to and fro leaves vortices on both sides, so it has a place on each.
+    """
+    tips = tip.reshape(len(tip), -1, 2)
+    between_knots = 0.5 * (dorsal_direction[1:] + dorsal_direction[:-1])
+    dorsal_way = np.einsum("ka,ka->k", np.diff(tips.mean(1), axis=0), between_knots)
+    steps = np.diff(np.interp(motion, parameter, np.concatenate([[0.0], np.cumsum(dorsal_way)])))
+    least = _LEAST_WAY * np.abs(steps).sum()
+    sides = [side for side in (1.0, -1.0) if np.maximum(-side * steps, 0.0).sum() > least]
+    along, across = offset[0] * tip_direction, offset[1] * dorsal_direction
+    return np.concatenate(
+        [tips + (along + side * across)[:, None] for side in sides or [1.0]], axis=1
+    )
 
 
 def between(shapes: ShapeSequence, frames: ndarray) -> tuple[ShapeSequence, ndarray]:

@@ -25,7 +25,7 @@ from pipeline.mesh.intervals import (
 )
 from pipeline.mesh.morph import MorphError, check_quality
 from pipeline.mesh.planform import build_planform, mirrored, mirrored_shapes
-from pipeline.mesh.shape_sequence import ShapeSequence, between, morph_shapes
+from pipeline.mesh.shape_sequence import ShapeSequence, behind_tip, between, morph_shapes
 from pipeline.mesh.sweep_levels import graded_layers
 from pipeline.scene.obstacle import OBSTACLE_PATCHES
 from pipeline.scene.scene import Scene
@@ -73,11 +73,13 @@ def _setting_of(
     """The shapes of a motion and what surrounds them."""
     file = kinematics.data
     rigid = "shape_edges" in file
-    fine = "shape_edges" if rigid else "shape_tip"
-    shapes = ShapeSequence(
-        *(file[n].values for n in ("shape_parameter", "shape_outline", fine, "shape_bend"))
-    )
+    fine = "edges" if rigid else "tip"
     motion = kinematics.law(time_step * np.arange(round(kinematics.time[1] / time_step) + 1))
+    names = "parameter", "outline", fine, "bend"
+    parameter, outline, tip, bend = (file[f"shape_{name}"].values for name in names)
+    beyond, dorsal = (file[f"shape_{name}_direction"].values for name in ("tip", "dorsal"))
+    near = behind_tip(parameter, tip, beyond, dorsal, motion, mesh.near_offset)
+    shapes = ShapeSequence(parameter, outline, tip, bend, near)
     outlines = shapely.linearrings(shapes.outline)
     gap, jet = np.full(len(shapes.bend), np.inf), np.empty((0, 2))
     if obstacles := [body.polygon for body in bodies if body.name in OBSTACLE_PATCHES]:
@@ -126,18 +128,18 @@ def _build_mesh(setting: _Setting, mesh: Mesh, part: Part, bar: tqdm) -> _Morphe
     shapes = setting.shapes
     ends = [part.low, part.high, part.middle]
     low, high, middle = np.interp(ends, setting.deformation, shapes.parameter)
-    tips = shapes.tip
+    near = shapes.tip
     shapes = shapes.within(low, high)
     built = int(np.argmin(np.abs(shapes.parameter - middle)))
     if mesh.near == "tip":
-        tips = shapes.tip[built]
+        near = shapes.near[built]
     planform = build_planform(
         shapes.outline[built],
         shapes.tip[built],
         setting.half_width,
         setting.depth,
         mesh,
-        np.vstack([tips.reshape(-1, 2), setting.jet]),
+        np.vstack([near.reshape(-1, 2), setting.jet]),
         setting.mirror,
         setting.bodies,
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.formats.mesh_intervals import IntervalMesh
-from pipeline.openfoam.case_folder import Case, collated_content
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
 
 FIELD = "wantedDisplacement"
@@ -93,12 +93,9 @@ class Frames:
                 displacement[drives, :2] = moved[nodes]
                 values = b"nonuniform List<vector> " + binary_list(displacement)
             bodies.append(head + values + self._tail)
-        if self._case.collated:  # the header stands in the first block only
-            contents = [collated_content(FIELD, [_HEADER + bodies[0], *bodies[1:]])]
-        else:
-            contents = [_HEADER + body for body in bodies]
-        for folder, content in zip(self._case.folders, contents, strict=True):
+        for folder, body in zip(self._case.folders, bodies, strict=True):
             # thousands of files, so without a sync: the solver refuses one that a power cut emptied
+            content = _HEADER + body
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
 
 

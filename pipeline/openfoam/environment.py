@@ -18,7 +18,6 @@ _INSTALL = "apt-get install openfoam"
 _NEEDED = (
     "openfoam.com v1912 or later is needed, openfoam.org's will not do (docs/openfoam_versions.md)"
 )
-COLLATED = ("-fileHandler", "collated")
 # What OpenFOAM's programs need of their environment.
 _FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "MALLOC_")
 # glibc keeps the memory of fields, which every step takes and frees
@@ -140,7 +139,7 @@ def last_lines(path: Path) -> str:
     return "\n".join(lines[-25:])
 
 
-def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False) -> list[str]:
+def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
     """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
     if ranks == 1:
         return ["pimpleFoam"]
@@ -155,8 +154,7 @@ def solver_command(ranks: int, hosts: Path | None = None, collated: bool = False
         flags += [word for name in names for word in ("-x", name)]
     else:  # Hydra binds no rank and allows more ranks than cores by itself
         flags = ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
-    files = COLLATED if collated else ()
-    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel", *files]
+    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel"]
 
 
 @cache

@@ -51,10 +51,9 @@ def write_list(path: Path, foam_class: str, location: str, *lists: ndarray, note
 
 
 def labels_of(content: bytes) -> ndarray:
-    """A labelList, ASCII or binary; a block of a collated file, without a header, is binary."""
-    head = content.find(b"FoamFile")
-    start = content.index(b"}", head) + 1 if head >= 0 else 0
-    is_binary = b"binary" in content[:start] or not start
+    """A labelList, ASCII or binary."""
+    start = content.index(b"}", content.index(b"FoamFile")) + 1
+    is_binary = b"binary" in content[:start]
     opening = content.index(b"(", start)
     count = int(content[start:opening].split()[-1])
     if is_binary:

@@ -305,7 +305,7 @@ def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
         return files
     if stage.name == "report":
         return {
-            f"tradeoff of {folder.name}": folder / "studies" / "results" / "tradeoff.csv"
+            f"errors of {folder.name}": folder / "studies" / "results" / "errors.csv"
             for folder in (scene.folder, *scene.parents)
         }
     return {}

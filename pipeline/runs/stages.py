@@ -47,7 +47,7 @@ _SHEET_GRID = {
 }  # camera keys that set the grid of the sheet
 _MOTION = ("tank", "finger", "body", "pinch", "support", "obstacle", "motion")
 FEA = Stage(
-    "fea", "pipeline.fea.stage", "bending states of the actuator",
+    "fea", "pipeline.structure.fea_stage", "bending states of the actuator",
     outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(1.5, 600),
     threads=True,
 )  # fmt: skip
@@ -118,8 +118,8 @@ STAGES = (
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "damping"}}, cost=(3, 500),
-        by_sources=True,
+        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "loss_factor"}},
+        cost=(3, 500), by_sources=True,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",

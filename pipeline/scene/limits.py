@@ -326,6 +326,8 @@ def _check_mesh(scene: Any) -> None:
         _within(f"mesh.{key}", getattr(mesh, key), _FINEST * thick, np.inf, " m", fine)
     for key in (*SCALED, "jet_reach"):
         _within(f"mesh.{key}", getattr(mesh, key), 0, max(tank.size), " m", "more than the tank")
+    for part in mesh.near_offset:
+        _within("mesh.near_offset", abs(part), 0, max(tank.size), " m", "more than the tank")
     if mesh.wall_grading:  # cells of a growth g round a gap are as many as 1 / g²
         slow = "so slow a growth that cells have no end (0: a jump)"
         _within("mesh.wall_grading", mesh.wall_grading, _LEAST_GROWTH, 1, "", slow)

@@ -129,6 +129,19 @@ class Scene(Section):
         )
         return self.model_copy(update={"finger": finger})
 
+    @property
+    def load_share(self) -> float:
+        """The share of a plane flow's loads that moves a coupled finger; 1 in space.
+
+        A plane flow goes around the tip alone, and water that goes around the width is lighter. By
+        slender-body theory a finger of length L and width W that turns about its root moves water
+        with π ρ W² L³ / 24 (energy over its rate squared), and a plate of chord L in a plane with
+        9 π ρ W L⁴ / 256. The share is their ratio, 32 W / 27 L, or 1 where the finger is wide.
+        """
+        if self.model.kind != "2d" or self.body is not None:
+            return 1.0
+        return min(1.0, 32 / 27 * self.finger.width / (self.finger.length + self.finger.tip.length))
+
     def pressure_settings(self) -> dict[str, Any]:
         """The settings of `piv pressure`: moments about finger 0's root, or the body's centre."""
         return {

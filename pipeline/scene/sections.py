@@ -212,8 +212,8 @@ class Structure(Section):
 
     bending_stiffness: Positive | None = None
     """E I at all pressures, where the bending analysis does not say [N m²]"""
-    damping: Annotated[float, Field(ge=0, le=1)] = 0.004
-    """Of the rubber: stress by rate over stress by strain [s]"""
+    loss_factor: Annotated[float, Field(ge=0, le=1)] = 0.12
+    """Of the rubber: energy lost in a radian of vibration over the energy stored [1]"""
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled
@@ -249,6 +249,8 @@ class Mesh(Section):
     """From where the tip is: see near [m]"""
     near: Literal["path", "tip"] = "path"
     """All the tip's places; or that of the shape which is meshed, whose cells move with the tip"""
+    near_offset: tuple[Number, Number] = (0.0, 0.0)
+    """With near = "tip", of the small cells' middle: beyond the tip, and behind its motion [m]"""
     far_cell: Positive
     """Largest cell of the tank [m]"""
     edge_layer: Positive = 1.0e-3

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.formats.mesh_intervals import Interval
 from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.environment import foam_version
-from pipeline.openfoam.foamfile import field_of, labels_of, read_field
+from pipeline.openfoam.foamfile import field_of, is_complete, labels_of, read_field
 from pipeline.openfoam.function_objects import table_rows, tables
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from piv.files.errors import StageError
@@ -29,8 +29,7 @@ def case_state(case: Case) -> dict[str, Any]:
     points = case.folder / "constant" / "polyMesh" / "points"
     if not points.exists():
         raise StageError(f"{case.folder}: no mesh; run the case stage first")
-    state = {"ranks": case.ranks, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
-    return state | ({"collated": True} if case.collated else {})
+    return {"ranks": case.ranks, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
 
 
 def prepared_for(folder: Path) -> dict[str, Any]:
@@ -43,8 +42,7 @@ def prepared_for(folder: Path) -> dict[str, Any]:
 
 def prepared_case(folder: Path) -> Case:
     """The case in `folder` with the ranks for which it was last prepared; one where never."""
-    state = prepared_for(folder)
-    return Case(folder, state.get("ranks", 1), bool(state.get("collated", False)))
+    return Case(folder, prepared_for(folder).get("ranks", 1))
 
 
 def resumable_case(case: Case, moving: bool, quiet: bool) -> Case:
@@ -58,19 +56,19 @@ def resumable_case(case: Case, moving: bool, quiet: bool) -> Case:
         return case
     if not quiet:
         print(
-            f"run: resumes with {earlier.layout}, not {case.layout} (remove {case.folder.parent} to"
-            " start again from the beginning)"
+            f"solve: resumes with {earlier.ranks} rank{'s' * (earlier.ranks > 1)}, not {case.ranks}"
+            f" (remove {case.folder.parent} to start again from the beginning)"
         )
     return earlier
 
 
 def saved_times(case: Case, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
     """Times (s) and folders' names, ascending, with whole files of all ranks, also `wanted`."""
-    of_ranks = [_whole_times(case, folder, wanted) for folder in case.folders]
+    of_ranks = [_whole_times(folder, wanted) for folder in case.folders]
     return sorted((t, n) for t, n in of_ranks[0].items() if all(t in times for times in of_ranks))
 
 
-def _whole_times(case: Case, folder: Path, wanted: tuple[str, ...]) -> dict[float, str]:
+def _whole_times(folder: Path, wanted: tuple[str, ...]) -> dict[float, str]:
     saved = {}
     for place in folder.iterdir() if folder.is_dir() else ():
         time = _number(place.name)
@@ -78,7 +76,7 @@ def _whole_times(case: Case, folder: Path, wanted: tuple[str, ...]) -> dict[floa
             continue
         # old-time fields of the second-order scheme count as well; frames of the motion do not
         files = [path for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"]
-        if all(map(case.is_whole, files)):
+        if all(map(is_complete, files)):
             saved[time] = place.name
     return saved
 

@@ -26,6 +26,8 @@ ENERGY_TOLERANCE = 0.05
 _FLOOR = 1e-3
 # finer cells would make it worse
 HALVE = "halve numerics.time_step, and again where it stops again"
+# of the power that is exchanged; the shipped scenes have at most 0.01
+_UNEXPLAINED, _UNEXPLAINED_LIMIT = 0.05, 0.15
 # of the peak speed: a wall whose velocity changes by more in a time step does unsampled work
 _UNRESOLVED = 0.2
 # Courant number of a run over that of its wall along a cell: the flow round the tip is faster, its
@@ -165,6 +167,25 @@ def energy_from_nothing(power: ndarray, budgets: list[Budget], copies: int) -> f
                 f" the tables are kept: {HALVE}"
             )
     return whole.worst / whole.largest if whole.largest else 0.0
+
+
+def power_warning(share: float, budgets: list[Budget], time_step: float) -> str:
+    """Return a warning where too much of the power is unexplained, else "".
+
+    `share`: `unexplained_share` of the power balance; `time_step`, s. StageError above the limit.
+    The work of a wall whose velocity jumps between two samples is not known: it has no limit.
+    """
+    if share <= _UNEXPLAINED:
+        return ""
+    text = (
+        f"{100 * share:.0f} % of the power that the water takes is unexplained, so that forces may"
+        f" be as wrong; lower numerics.time_step = {time_step:g}, or smooth a measured pressure"
+        " (motion.smoothing)"
+    )
+    jumps = any(budget.unresolved(-np.inf, np.inf) for budget in budgets)
+    if share > _UNEXPLAINED_LIMIT and not jumps:
+        raise StageError(f"stopped by a guard: {text}; the tables are kept")
+    return text
 
 
 class Guard:

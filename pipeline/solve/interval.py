@@ -61,7 +61,7 @@ class KnownMotion:
         remove_frames(self.part.case)
 
 
-def solver_intervals(scene: Scene, ranks: int, collated: bool, quiet: bool) -> list[SolverInterval]:
+def solver_intervals(scene: Scene, ranks: int, quiet: bool) -> list[SolverInterval]:
     """The mesh intervals of a scene in order, on as many `ranks` as pay, or as can resume.
 
     StageError where the motion of the wall is sure to exceed numerics.max_courant.
@@ -70,9 +70,9 @@ def solver_intervals(scene: Scene, ranks: int, collated: bool, quiet: bool) -> l
     least = min(mesh.cells for mesh in meshes)
     useful = max(1, min(ranks, least // LEAST_CELLS))
     if useful < ranks and not quiet:
-        print(f"run: {least} cells are too few for {ranks} ranks; {useful} used")
+        print(f"solve: {least} cells are too few for {ranks} ranks; {useful} used")
     names = [scene.out / "case" / mesh.interval.name for mesh in meshes]
-    case = Case(names[0], useful, collated and useful > 1)
+    case = Case(names[0], useful)
     case = resumable_case(case, meshes[0].interval.moving, quiet)
     limit, depth = scene.numerics.max_courant, scene.finger.width / PER_FINGER[scene.model.kind]
     parts = []

@@ -246,11 +246,14 @@ def integrals(table: ndarray) -> dict[str, float]:
 def power_balance(table: ndarray, terms: ndarray) -> dict[str, Any]:
     """Work = kinetic energy + energy taken by each of `terms` (POWER_TERMS) + an unexplained rest.
 
-    `closure`: the rest after the resolved dissipation of `table` (POWER).
+    `closure`: the rest after the resolved dissipation of `table` (POWER). `unexplained_share`: of
+    the energy that body and water exchange in both directions.
     """
     time = np.concatenate([[0.0], table[:, 0]])
     rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
-    work, dissipated = np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None], axis=0)
+    middle, step = 0.5 * (rate[1:] + rate[:-1]), np.diff(time)
+    work, dissipated = np.sum(middle * step[:, None], axis=0)
+    exchanged = float(step @ abs(middle[:, 0]))
     kinetic = table[-1, 2]
     closure = work - kinetic - dissipated
     taken = integrals(terms)
@@ -265,4 +268,5 @@ def power_balance(table: ndarray, terms: ndarray) -> dict[str, Any]:
         "taken": taken,
         "unexplained": float(unexplained),
         "unexplained_fraction": float(unexplained / scale),
+        "unexplained_share": float(abs(unexplained) / exchanged) if exchanged else 0.0,
     }

@@ -14,7 +14,7 @@ from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
 from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.displacement_files import frames_laid, time_name
-from pipeline.openfoam.environment import COLLATED, run_tool
+from pipeline.openfoam.environment import run_tool
 from pipeline.openfoam.foamfile import set_number, write_list
 from pipeline.solve.checkpoint import PROGRESS, STATE, case_state, has_ended, prepared_for
 from pipeline.solve.interval import KnownMotion, SolverInterval
@@ -63,8 +63,7 @@ def _decompose(case: Case, mesh: IntervalMesh) -> None:
     write_list(folder / "constant" / "cellDecomposition", "labelList", "constant", rank)
     set_number(folder, "startTime", time_name(mesh.interval.begin))
     set_number(folder, "numberOfSubdomains", str(case.ranks), "decomposeParDict")
-    files = COLLATED if case.collated else ()
-    run_tool(["decomposePar", "-force", "-noFunctionObjects", *files], folder)
+    run_tool(["decomposePar", "-force", "-noFunctionObjects"], folder)
 
 
 def partition_columns(centres: ndarray, load: ndarray, ranks: int, pairs: ndarray) -> ndarray:

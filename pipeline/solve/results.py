@@ -17,7 +17,7 @@ from pipeline.openfoam.function_objects import read_function_object
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import LOG
-from pipeline.solve.guards import energy_from_nothing
+from pipeline.solve.guards import energy_from_nothing, power_warning
 from pipeline.solve.interval import SolverInterval
 from pipeline.solve.power import power_balance, power_rows, term_rows
 from pipeline.solve.solver import Progress
@@ -92,6 +92,7 @@ def write_results(
     `spent`: progress of each interval, before and now; `contact` as of `_tables`.
     """
     summary = _tables(scene, parts, contact)
+    balance = summary["power_balance"]
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     resumed = [at for _, now in spent for at in now["resumed"]]
     case, end, step = parts[0].case, scene.motion.end_time, scene.numerics.time_step
@@ -101,7 +102,6 @@ def write_results(
         "level": scene.level,
         "model": scene.model.kind,
         "ranks": case.ranks,
-        "collated": case.collated,
         "time_step": step,
         "end_time": end,
         "steps": steps_of(end, step),
@@ -110,10 +110,12 @@ def write_results(
     }
     RUN.write(scene.out / "run" / "run.json", about | summary)
     if not quiet:
-        rest = 100 * abs(summary["power_balance"]["unexplained_fraction"])
+        rest = 100 * abs(balance["unexplained_fraction"])
         times = ", ".join(f"{at:g} s" for at in resumed)
         more = f", resumed at {times}" if times else ""
-        print(f"run: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
+        print(f"solve: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
+        if balance["warning"]:
+            print(f"solve: warning: {balance['warning']}")
     return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}
 
 
@@ -150,12 +152,14 @@ def _tables(scene: Scene, parts: Sequence[SolverInterval], contact: float | None
     if contact is not None:
         until = float(terms[:, 0][terms[:, 0] < contact].max(initial=terms[0, 0]))
         known = [table[table[:, 0] <= until] for table in known]
+    balance = power_balance(*known)
+    warning = power_warning(balance["unexplained_share"], budgets, scene.numerics.time_step)
     return {
         "cells": parts[0].mesh.cells,
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": quality,
-        "power_balance": power_balance(*known) | excess | {"until": until},
+        "power_balance": balance | excess | {"until": until, "warning": warning},
         "intervals": [
             {
                 "start": i.start,

@@ -144,8 +144,7 @@ def solve(
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         if interval.moving:
-            _reset_displacement(case.folders, first, name, whole=case.collated)
-        case.announce(name)
+            _reset_displacement(case.folders, first, name)
     guard.time = start
     drop_tables(folder, start)
     set_number(folder, "startTime", reached_time(case, name) if checkpoint else name)
@@ -181,7 +180,7 @@ def solve(
     ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(case.ranks, hosts, case.collated),
+            solver_command(case.ranks, hosts),
             cwd=folder,
             env=environment_in(folder),
             preexec_fn=die_with_parent,
@@ -213,7 +212,6 @@ def solve(
                 raise
             finally:
                 motion.end()
-                case.withdraw()
                 note()
     code = process.wait()
     if watchdog.cause:
@@ -221,7 +219,7 @@ def solve(
         raise stopped(watchdog.cause)
     if code != 0:
         raise failed(folder, guard.time, code)
-    # a flow without a body has no samples and no guard of the energy (tests/studies/validation)
+    # a flow without a body has no samples and no guard of the energy (docs/evidence/validation)
     sampled = force_times(folder)[-1] * (1 + 1e-6) if guard.energy else interval.end
     until = min(sampled, damaged := first_damaged(folder))
     if until < interval.end or damaged <= interval.end:
@@ -259,15 +257,15 @@ def failed(folder: Path, reached: float, code: int) -> StageError:
     return StageError(f"pimpleFoam failed at {reached:g} s (log: {log}); its last lines:\n{tail}")
 
 
-def _reset_displacement(folders: list[Path], first: str, resumed: str, whole: bool = False) -> None:
+def _reset_displacement(folders: list[Path], first: str, resumed: str) -> None:
     """Start a resumed run's pointDisplacement from that of the interval's first time's folder.
 
-    `whole`: the files are whole without a closing rule, as collated ones. The first step computes
-    it anew from the frames, and v1912 cannot read a list of values on a patch with a patchType.
+    The first step computes it anew from the frames, and v1912 cannot read a list of values on a
+    patch with a patchType.
     """
     for folder in folders:
         content = (folder / first / "pointDisplacement").read_bytes().rstrip()
-        if not whole and not content.endswith(END.strip()):
+        if not content.endswith(END.strip()):
             content += END  # a whole file, for the next resumption
         write_bytes(folder / resumed / "pointDisplacement", content)
 

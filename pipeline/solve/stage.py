@@ -9,13 +9,11 @@ from pipeline.solve.solver import solve_intervals
 from piv.files.lock import exclusive
 
 
-def run(scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None,
-        collated: bool = False) -> dict[str, float]:  # fmt: skip
-    """Solve and write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
-
-    `collated`: the ranks share their files.
-    """
+def run(
+    scene: Scene, quiet: bool = False, ranks: int = 1, hosts: Path | None = None
+) -> dict[str, float]:
+    """Solve and write the tables of run/; returns the cost of interrupted runs."""
     with exclusive(scene.out / "solver"):
-        parts = solver_intervals(scene, ranks, collated, quiet)
+        parts = solver_intervals(scene, ranks, quiet)
         spent = solve_intervals(scene, parts, KnownMotion, hosts, quiet)
         return write_results(scene, parts, spent, quiet)

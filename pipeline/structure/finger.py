@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.formats.bending_states import FloatArray, States
+from pipeline.formats.mesh_intervals import PER_FINGER
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
-from pipeline.structure.motion import Surroundings, motion
+from pipeline.structure.motion import LARGEST_SHARE, Surroundings, motion
+from pipeline.structure.vibration import slowness
 from piv.files.errors import StageError
 
 _GRAVITY = 9.81  # m/s²
-# by whether the flow is plane: added mass and drag where no run gives them (docs/coupling.md)
-_MODELLED = {True: (3.0, 4.0), False: (0.87, 2.2)}
+_STEPS = 150  # of the first vibration, where its shape alone counts
+_ADDED_MASS, _DRAG = 0.87, 2.2  # where no run gives them (docs/coupling.md)
 
 
 @dataclass(frozen=True)
@@ -33,29 +35,38 @@ class ElasticFinger:
     root: FloatArray  # m
     water: Surroundings  # without modelled water
     model: Surroundings  # with it
+    air: Surroundings
     known: bool
+    period: float = 0.0  # s, of its first vibration in modelled water
 
     @classmethod
-    def of(cls, scene: Scene) -> ElasticFinger:
-        """That of a scene."""
+    def of(cls, scene: Scene, states: States | None = None) -> ElasticFinger:
+        """That of a scene; `states`: in place of its file."""
         chambers = pressure_law(scene.motion, scene.folder)
         pressure = chambers(law_times(scene.motion.end_time))
-        lowest, highest = float(pressure.min()), float(pressure.max())
-        states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+        if states is None:
+            lowest, highest = float(pressure.min()), float(pressure.max())
+            states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
         known = bending_law(states, scene.structure.bending_stiffness)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
-        density, damping = scene.fluid.density, scene.structure.damping
-        mass, drag = _MODELLED[scene.model.kind == "2d"]
         down = complex(*(frame @ [0.0, -_GRAVITY]))
+        chain = Chain(states, law, scene.finger.width)
+        swings_at = float(pressure[np.argmax(np.abs(pressure))])
+        loss_factor = scene.structure.loss_factor
+        wet, air = Surroundings(down, scene.fluid.density, _ADDED_MASS, _DRAG), Surroundings(down)
+        in_water, in_air = (slowness(chain, swings_at, each) for each in (wet, air))
+        model = replace(wet, damping=loss_factor * in_water)
         return cls(
-            Chain(states, law, scene.finger.width),
+            chain,
             chambers,
             frame,
             np.asarray(scene.finger.root),
-            Surroundings(down, density, damping=damping),
-            Surroundings(down, density, mass, drag, damping),
+            replace(model, added_mass=0.0, drag=0.0),
+            model,
+            replace(air, damping=loss_factor * in_air),
             known is not None,
+            2 * np.pi * in_water,
         )
 
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
@@ -72,6 +83,24 @@ class ElasticFinger:
         """Points (…, 2) of the tank in the actuator's frame, from the root's ventral edge."""
         edge = -0.5j * self.chain.thickness(np.zeros(1))[0, 0]
         return self.in_actuator(points - self.root) + edge
+
+
+def copies(scene: Scene) -> float:
+    """Times that the loads of the computed part are those of the water on a whole finger."""
+    return PER_FINGER[scene.model.kind] * scene.load_share
+
+
+def modelled_share(scene: Scene, states: States) -> float:
+    """Largest moment in modelled water over the table of `states`; 2 where it is further beyond."""
+    finger = ElasticFinger.of(scene, states)
+    count = round(scene.motion.end_time / (finger.period / _STEPS)) + 1
+    time = np.linspace(0.0, scene.motion.end_time, count)
+    pressure, none = finger.chambers(time), np.zeros((count, finger.chain.slices, 3))
+    try:
+        delta = motion(finger.chain, pressure, float(time[1]), finger.model, none)
+    except StageError:
+        return LARGEST_SHARE
+    return finger.chain.share(finger.chain.moments(pressure, delta))
 
 
 def modelled_shapes(scene: Scene) -> States:
@@ -116,7 +145,7 @@ class Posed:
         self._middle = np.append(line[: chain.joints[0] + 1].mean(), self.placed.content[MIDDLE])
 
     def loads(
-        self, surface: Path, density: float, copies: int, left_alone: bool = False
+        self, surface: Path, density: float, copies: float, left_alone: bool = False
     ) -> tuple[FloatArray, float]:
         """Loads (slice + 1, 3) of a sampled surface, as `of_forces`, and N m about the root.
 

@@ -30,7 +30,7 @@ from pipeline.structure.chain import (
 from piv.files.errors import StageError
 
 STEP = 1e-3  # s, of the finger's own motion
-_LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
+LARGEST_SHARE = 2.0  # of the moments to which the bending was analysed
 _ITERATIONS = 40
 _TOLERANCE = 1e-10  # rad, of the last correction
 _LARGEST_CORRECTION = 0.2  # rad
@@ -45,7 +45,9 @@ EARLIER = 4  # times before one that its rates need
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Gravity in the actuator's frame, the fluid (kg/m³; 0: none), modelled water and damping (s).
+    """Gravity in the actuator's frame, the fluid (kg/m³; 0: none), modelled water and damping.
+
+    `damping`: the rubber's viscous stress by rate over its elastic stress by strain, s.
 
     `added_mass` and `drag` are coefficients of a water that `loads` then must not hold; so are
     `inertia` (slice, 3, slice): loads by the slices' angular accelerations, N s² and N m s².
@@ -176,7 +178,7 @@ def advance(
 
     name = f"at {times[0] * step:.4g} s"
     delta = _newton(residual, 3 * before[0] - 3 * before[1] + before[2], name)
-    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > _LARGEST_SHARE:
+    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > LARGEST_SHARE:
         raise StageError(
             f"{name} the finger bears a moment far beyond the table of states.h5"
             f" ({chain.law.moment[-1]:.2g} N m): it bends too far to be computed; check the motion"

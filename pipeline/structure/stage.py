@@ -11,20 +11,24 @@ from tqdm import tqdm
 
 from pipeline.formats.bending_states import FloatArray
 from pipeline.formats.elastic_motion import FILE, read_elastic_motion
-from pipeline.formats.finger_loads import motion_sentence, write_loads
+from pipeline.formats.finger_loads import SETTLED, motion_sentence, write_loads
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.mesh_intervals import PER_FINGER, read_intervals
 from pipeline.openfoam.surface_vtk import sampled_surfaces
 from pipeline.scene.scene import Scene
 from pipeline.structure.energy import energies
-from pipeline.structure.finger import ElasticFinger, Posed
-from pipeline.structure.motion import STEP, motion
+from pipeline.structure.finger import ElasticFinger, Posed, copies
+from pipeline.structure.motion import STEP, at_rest, motion
+from pipeline.structure.vibration import LOSS_BAND
+from piv.files.errors import StageError
 
 _UNKNOWN = (
     "The motion is prescribed, and motion.states says no bending stiffness, so what the water would"
     " do to the finger is not known: analyse it with make fea, or give structure.bending_stiffness"
     " (N m2)."
 )
+_STEPS, _VIBRATIONS = 150, 8  # of a vibration; after the run: one loses a third of its energy
+_NOT_FOLLOWED = "The finger's motion in air and in modelled water is not computed"
 _RIGID = "The body is rigid: no load bends it."
 
 
@@ -37,11 +41,13 @@ def _measured_loads(
     """
     chain = finger.chain
     samples = sampled_surfaces(scene.out / "case", read_intervals(scene.motion_folder), "finger")
-    copies, density = PER_FINGER[scene.model.kind], scene.fluid.density
+    # a prescribed motion's loads are those of the flow that is shown
+    parts = copies(scene) if scene.coupled else PER_FINGER[scene.model.kind]
+    density = scene.fluid.density
     time = np.array([time for time, _ in samples])
     pressure, delta = pressures(time), turns(time)
     found = [
-        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, copies, scene.both_fingers)
+        Posed(finger, float(pressure[k]), delta[k]).loads(path, density, parts, scene.both_fingers)
         for k, (_, path) in enumerate(tqdm(samples, "loads", disable=quiet or None))
     ]
     loads = np.array([each for each, _ in found])
@@ -63,13 +69,33 @@ def loads_at(values: dict[str, Any], time: FloatArray) -> FloatArray:
     return np.asarray(CubicSpline(known, np.concatenate([0 * loads[:1], loads]))(time))
 
 
+def _band(finger: ElasticFinger, pressure: FloatArray, step: float) -> dict[str, FloatArray]:
+    """Largest bend in modelled water and time of settling at both ends of the loss factor's band.
+
+    The last pressure is kept for some vibrations; a finger that does not settle settles then.
+    """
+    chain, count = finger.chain, len(pressure) + int(_VIBRATIONS * finger.period / step)
+    held = np.pad(pressure, (0, count - len(pressure)), mode="edge")
+    none = np.zeros((count, chain.slices, 3))
+    rest = at_rest(chain, float(held[-1]), finger.model, none[0])
+    goal = float(chain.bend(held[-1:], rest[None])[0])
+    largest, settled = np.zeros(2), np.zeros(2)
+    for k, loss_factor in enumerate(LOSS_BAND):
+        around = replace(finger.model, damping=loss_factor * finger.period / (2 * np.pi))
+        bend = chain.bend(held, motion(chain, held, step, around, none))
+        largest[k] = bend[np.argmax(np.abs(bend))]
+        away = np.flatnonzero(np.abs(bend - goal) > SETTLED * abs(goal))
+        settled[k] = step * (away[-1] + 1 if away.size else 0)
+    return {"loss_factor": np.array(LOSS_BAND), "largest_bend": largest, "settled": settled}
+
+
 def _history(
     finger: ElasticFinger, time: FloatArray, pressure: FloatArray, delta: FloatArray,
     values: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """The motion over time, also without load, in air and in water; energies."""
     chain, none, step = finger.chain, np.zeros((*delta.shape, 3)), float(time[1])
-    in_air = motion(chain, pressure, step, replace(finger.water, fluid=0.0), none)
+    in_air = motion(chain, pressure, step, finger.air, none)
     wet = delta if values["coupled"] else motion(chain, pressure, step, finger.model, none)
     found: dict[str, Any] = {"step": time}
     turns = {"": delta, "_unloaded": 0 * delta, "_in_air": in_air, "_in_water": wet}
@@ -104,7 +130,13 @@ def run(scene: Scene, quiet: bool = False) -> None:
         )
     values |= _measured_loads(scene, finger, pressures, CubicSpline(time, delta), quiet)
     if not values["unknown"]:
-        values |= _history(finger, time, pressures(time), delta, values)
+        try:
+            values |= _history(finger, time, pressures(time), delta, values)
+            if scene.pinch is None and "loss_factor" not in scene.structure.model_fields_set:
+                every = max(1, round(finger.period / _STEPS / float(time[1])))
+                values |= _band(finger, pressures(time)[::every], every * float(time[1]))
+        except StageError as error:  # the page goes without
+            values["unknown"] = f"{_NOT_FOLLOWED}: {error}."
     write_loads(scene.out / "loads.h5", values)
     if not quiet:
         print(f"loads: {motion_sentence(values)}")

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from pipeline.formats.bending_states import FloatArray
-from pipeline.formats.mesh_intervals import PER_FINGER
 from pipeline.geometry.quality import cell_areas, cell_centres, planform_edges
 
 # of the sources: 1 % of the inertia, of which a third may be wrong (test_coupling.py)
@@ -28,11 +27,13 @@ def forces_of_water(
     acceleration: FloatArray,
     gaps: NDArray[np.bool_],
     density: float,
+    copies: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Places (piece, 2) m of the finger's wall, and forces (mode, piece, 2) N on a whole finger.
 
     `nodes` (node, 2) m: of the planform in this shape; `acceleration` (mode, node, 2) m/s² of its
-    nodes on the wall; `gaps` (edge,): those of the tank's sides that are open.
+    nodes on the wall; `gaps` (edge,): those of the tank's sides that are open; `copies`: of the
+    computed part in a whole finger.
     """
     triangles, quads = planform["triangles"].values, planform["quads"].values
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
@@ -77,7 +78,6 @@ def forces_of_water(
     pressure = -density * _solved(matrix, diagonal, moved)
     total = np.zeros((int(finger.sum()), len(acceleration)))
     np.add.at(total, piece, pressure[wet[blocked]] * depth[level, None])
-    copies = PER_FINGER[str(planform.attrs["model"])]
     return middle[finger], copies * total.T[:, :, None] * outwards
 
 

@@ -16,7 +16,8 @@ from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import COLOURS
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 
 # flags that no dataclass has
 _FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")

@@ -14,7 +14,7 @@ from piv.files.atomic import write_bytes
 from piv.files.hdf5 import open_netcdf
 from piv.formats.recording import pixel_of
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
-from piv.images.image_files import PAIRINGS
+from piv.images.file_names import PAIRINGS
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_polygon
 from piv.images.open_recording import Recording, open_recording
 

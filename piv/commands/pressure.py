@@ -61,8 +61,9 @@ def make(source: Path, output: Path, settings: dict[str, Any], *, quiet: bool = 
             for k in tqdm(range(count), "pressure", disable=quiet or None):
                 found = balance.at(k)
                 outside += bool(np.isnan(found.get("line_moment", 0.0)).any())
-                p_std.append(np.nanmedian(found["p_std"]))
-                largest = max(largest, float(np.nanmax(np.abs(found["p"]))))
+                if np.isfinite(found["p"]).any():
+                    p_std.append(np.nanmedian(found["p_std"]))
+                    largest = max(largest, float(np.nanmax(np.abs(found["p"]))))
                 new = {name: values_of(name, values[None]) for name, values in found.items()}
                 yield planes[k].expand_dims("time").assign(new)
 

@@ -12,7 +12,7 @@ from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_p
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
-from piv.formats.plane_series import write_plane
+from piv.formats.plane_series import absent, write_plane
 
 _PHASES = 16  # of an average over a period
 
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> None:
         if "time" not in series["u"].dims:
             raise ValueError(f"{args.source}: a single plane; statistics over time need a series")
         number, centres, unit = _groups_of(args, series)
+        there = ~absent(series)
         dataset = statistics(series, number, centres, centre_units=unit, least=args.least)
     write_plane(dataset, args.output)
     if not args.quiet:
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
         print(
             _words_on(
                 dataset,
-                series.sizes["time"] if number is None else int((number >= 0).sum()),
+                int((there if number is None else there & (number >= 0)).sum()),
                 series.sizes["time"],
             )
         )
@@ -130,10 +131,7 @@ def _words_on(dataset: xr.Dataset, used: int, count: int) -> str:
     """How many instants were used, and what they are worth."""
     worth = max(max(dataset.attrs["inefficiency_u"]), max(dataset.attrs["inefficiency_v"]))
     lowest, highest = int(dataset["n"].min()), int(dataset["n"].max())
-    text = f"{used} of {count} instants used, n = {lowest} to {highest} at a point"
+    text = f"means over {used} of {count} instants, {lowest} to {highest} usable vectors at a point"
     if worth == 1.0:
-        return text + "; successive samples taken as independent"
-    return (
-        text
-        + f"; {worth:.3g} successive samples are worth one independent (in the standard errors)"
-    )
+        return f"{text}; standard errors take successive instants as independent"
+    return f"{text}; in standard errors {worth:.3g} successive instants count as one"

@@ -18,6 +18,10 @@ SMALLEST = 32  # px: fewer do not hold two windows
 FLAT = ((48, 48), (96, 24), (24, 96))
 
 
+class BlankImage(ValueError):
+    """An image that shows nothing where it is not masked."""
+
+
 def check_images(images: list[Any], window: float) -> list[ndarray]:
     """The images as 2-D arrays; ValueError where they cannot be correlated."""
     arrays = [np.asarray(i) for i in images]
@@ -109,7 +113,7 @@ class Prepared:
         for k, p in enumerate(pixels):
             seen = self.seen[k]
             if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
-                raise ValueError(
+                raise BlankImage(
                     f"image {k + 1} is of one grey level where it is not masked; give a picture "
                     "with particles, "
                     "or a mask that leaves them"

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from piv.formats.plane_series import Planes, usable, vectors_of
+from piv.formats.plane_series import Planes, absent, usable, vectors_of
 
 _INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 
@@ -12,7 +12,8 @@ def summary(plane: xr.Dataset) -> str:
     """Fields and vectors, share valid, median and largest speed, median standard uncertainty."""
     series = "time" in plane["u"].dims
     count = plane.sizes["time"] if series else 1
-    chosen = np.unique(np.linspace(0, count - 1, min(count, _INSTANTS)).astype(int))
+    present = np.flatnonzero(~np.atleast_1d(absent(plane)))
+    chosen = present[np.unique(np.linspace(0, present.size - 1, _INSTANTS).astype(int))]
     used = vectors_of(plane)
     planes = Planes(used) if series else [used]
     valid, uncertain, speeds, stds = [], [], [], []
@@ -29,6 +30,7 @@ def summary(plane: xr.Dataset) -> str:
     std = np.concatenate(stds) if stds else np.empty(0)
     unit = str(plane["u"].attrs.get("units", "m/s"))
     text = f"{count} field{'s' * (count != 1)} of {plane.sizes['x']} x {plane.sizes['y']} vectors, "
+    text += f"{count - present.size} absent, " if present.size < count else ""
     text += f"{np.mean(valid):.1%} valid"
     if any(uncertain):
         text += f", {np.mean(uncertain):.1%} uncertain"
@@ -39,4 +41,6 @@ def summary(plane: xr.Dataset) -> str:
         text += f"; standard uncertainty median {np.median(std):.2g} {unit}"
     if "background=static" in str(plane.attrs.get("settings", "")):
         text += "; static background taken off (--preprocess none keeps it)"
-    return text + (f" (from {chosen.size} of {count} fields)" if chosen.size < count else "")
+    if chosen.size < present.size:
+        text += f" (measured on {chosen.size} of them, evenly chosen)"
+    return text

@@ -14,8 +14,11 @@ from piv.files.hdf5 import open_netcdf, whole_netcdf
 from piv.files.provenance import versions
 from piv.files.schema import Schema, variables
 
-FLAGS = ("valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain")
-VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN = range(len(FLAGS))
+FLAGS = (
+    "valid", "outlier", "masked", "second peak taken", "replaced on request", "uncertain",
+    "no picture", "repeated picture",
+)  # fmt: skip
+VALID, OUTLIER, MASKED, SECOND_PEAK, REPLACED, UNCERTAIN, NO_PICTURE, REPEATED = range(len(FLAGS))
 REMEDY = "make it again with this version of the program"
 FINGERS = variables("""
 outline?~  time?, finger, point, axis  m  closed polygon of the body in the sheet, last ≠ first
@@ -54,7 +57,8 @@ u~  time?, y, x  m/s  velocity along x; absent (NaN) where `valid` is 0 and `fla
 v~  time?, y, x  m/s  velocity along y, likewise
 valid~  time?, y, x  1  uint8: 1 = measured; 0 = inside a body, masked, or rejected
 flag?~  time?, y, x  1  uint8: 0 valid, 1 outlier, 2 masked, 3 second peak taken, 4 replaced on
-  request, 5 uncertain (`u`, `v` and `u_std` are there, `valid` is 0)
+  request, 5 uncertain (`u`, `v` and `u_std` are there, `valid` is 0); of a whole field that is
+  absent: 6 a picture is missing or shows no particles, 7 a picture repeats the one before it
 u_std?~  time?, y, x  m/s  standard uncertainty of u
 v_std?~  time?, y, x  m/s  standard uncertainty of v
 correlation?~  time?, y, x  1  of PIV: height of the peak, 1 = the two windows are alike
@@ -167,6 +171,23 @@ def usable(plane: xr.Dataset) -> xr.DataArray:
         known = np.isfinite(f["u"] + f["v"] + f["u_std"] + f["v_std"])
         ok = ok | ((f["flag"] == UNCERTAIN) & known)
     return ok
+
+
+def absent(plane: xr.Dataset) -> ndarray:
+    """Whether a plane, or each instant of a series, has no field: bool, () or (time,)."""
+    if "flag" not in plane:
+        return np.zeros(plane["u"].shape[:-2], bool)
+    return plane["flag"][..., 0, 0].values >= NO_PICTURE
+
+
+def absent_field(shape: tuple[int, int], reason: int) -> dict[str, ndarray]:
+    """Variables (y, x) of an instant without a field, all of whose vectors are absent."""
+    return {
+        "u": np.full(shape, np.nan),
+        "v": np.full(shape, np.nan),
+        "valid": np.zeros(shape, np.uint8),
+        "flag": np.full(shape, reason, np.uint8),
+    }
 
 
 def check_vectors(plane: xr.Dataset) -> None:

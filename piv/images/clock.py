@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from piv.images.image_files import PAIRINGS
+from piv.images.file_names import PAIRINGS
 from piv.images.recording import Recording
 
 INTERVAL_HELP = "s between the two exposures of a pair"

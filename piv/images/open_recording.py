@@ -7,13 +7,13 @@ only flip of y in the project.
 """
 
 import glob
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from piv.images.image_files import JPEG_SUFFIXES, PAIRINGS, ImageFiles, in_couples
+from piv.images.file_names import PAIRINGS, in_couples
+from piv.images.image_files import JPEG_SUFFIXES, ImageFiles
 from piv.images.photron import Photron
 from piv.images.recording import Recording
 from piv.images.recording_file import RecordingFile
@@ -23,7 +23,6 @@ IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", *JPEG_SUFFIXES, ".pgm")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
 PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")
 HDF5_SUFFIXES = (".h5", ".hdf5")
-MOST_GAPS = 0.4  # of the neighbours: couples 1, 2, 11, 12, 21, 22 have as many, and lack none
 
 __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
 
@@ -74,7 +73,7 @@ def files_of(source: str | Path) -> list[Path]:
                 f"{path}: the folder mixes {' and '.join(kinds)}; choose with a glob such as "
                 f"'*{kinds[0]}'"
             )
-        return _in_sequence(images)
+        return in_couples(images)
     if path.exists() or not glob.has_magic(str(source)):
         if not path.exists():
             raise FileNotFoundError(f"{path}: no such file or folder")
@@ -82,34 +81,7 @@ def files_of(source: str | Path) -> list[Path]:
     files = [Path(p) for p in glob.glob(str(source))]
     if not files:
         raise FileNotFoundError(f"{source}: no file matches")
-    return _in_sequence(files)
-
-
-def _in_sequence(images: list[Path]) -> list[Path]:
-    """Images in natural order; ValueError where the numbers in their names lack one.
-
-    Numbers that do not count frames (of couples, or times) have no step of which most neighbours
-    are apart.
-    """
-    ordered = in_couples(images)
-    names = [re.split(r"(\d+)", path.name) for path in ordered]
-    if len({len(name) for name in names}) > 1:
-        return ordered
-    varying = [k for k in range(len(names[0])) if len({name[k] for name in names}) > 1]
-    if len(varying) != 1 or varying[0] % 2 == 0 or len(ordered) < 3:
-        return ordered
-    number = np.array([int(name[varying[0]]) for name in names], object)
-    apart = np.diff(number)
-    step = min(apart)
-    gaps = np.flatnonzero(apart != step)
-    if step > 0 and 0 < len(gaps) < MOST_GAPS * len(apart) and not any(apart % step):
-        before, after = ordered[gaps[0]], ordered[gaps[0] + 1]
-        raise ValueError(
-            f"{before}: a frame is missing between it and {after.name}, which would be paired as "
-            "neighbours in time; add it,"
-            " or give the frames before and after it as recordings of their own"
-        )
-    return ordered
+    return in_couples(files)
 
 
 def pairs(n: int, mode: str = "1-2,2-3", *, skip: int = 0, every: int = 1) -> list[tuple[int, int]]:

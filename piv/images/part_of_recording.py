@@ -45,7 +45,7 @@ class _PartOfRecording(Recording):
         self.whole, self.masks = whole, masks
         self.attrs, self.times, self.interval = whole.attrs, whole.times, whole.interval
         self.pairing, self.pairing_doubt = whole.pairing, whole.pairing_doubt
-        self.finger = whole.finger
+        self.finger, self.files, self.missing = whole.finger, whole.files, whole.missing
         rows, columns = whole.shape
         x0, y0, x1, y1 = roi or (0, 0, columns - 1, rows - 1)
         left, bottom = max(0, math.ceil(x0)), max(0, math.ceil(y0))
@@ -67,6 +67,10 @@ class _PartOfRecording(Recording):
         if self.masks is not None:
             own = self.masks.of(i) if own is None else self.masks.of(i) | own
         return None if own is None else np.ascontiguousarray(own[self.cut])
+
+    def frame_name(self, i: int) -> str:
+        """What a message calls frame `i`."""
+        return self.whole.frame_name(i)
 
     def variable(self, name: str, frames: slice) -> ndarray:
         """A variable of `finger` at some frames (frame, ...)."""

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy import float32, ndarray
 
+from piv.images.absent_frames import FrameCheck
 from piv.images.recording import Recording
 from piv.images.static_background import static_background
 
@@ -33,11 +34,11 @@ def background(recording: Recording, kind: str = "min") -> ndarray:
         )
     count = min(_BACKGROUND_FRAMES, len(recording))
     chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))
-    total = recording.frame(int(chosen[0])).astype(np.float64)
-    for i in chosen[1:]:
-        image = recording.frame(int(i))
-        total = np.minimum(total, image) if kind == "min" else total + image
-    return (total if kind == "min" else total / len(chosen)).astype(float32)
+    images = FrameCheck(recording).images(chosen)
+    total, number = next(images).astype(np.float64), 1
+    for image in images:
+        total, number = np.minimum(total, image) if kind == "min" else total + image, number + 1
+    return (total if kind == "min" else total / number).astype(float32)
 
 
 def _subtract_background(image: ndarray, dark: ndarray) -> ndarray:

@@ -1,6 +1,7 @@
 """Recordings: each kind reads a frame on demand and keeps no others in memory."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Self
 
 import cv2
@@ -9,6 +10,10 @@ from numpy import ndarray
 LARGEST_CHUNK = 2**28  # px that reading one frame may bring into memory
 # each failure becomes one sentence of ours
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
+class UnreadableFrame(ValueError):
+    """A frame whose file is missing or damaged; others of the recording may be whole."""
 
 
 class Recording:
@@ -33,6 +38,8 @@ class Recording:
         # of the lower left pixel, in the picture that coordinates refer to
         self.corner_px = (0.0, 0.0)
         self.key: Any = None  # of what is not in the frames: masks, region
+        self.files: tuple[Path, ...] = ()  # that the frames are in
+        self.missing: frozenset[int] = frozenset()  # frames between others that have no file
         # shape per frame of the finger variables, which `variable` reads
         self.finger: dict[str, tuple[int, ...]] = {}
         self._shape: tuple[int, int] | None = None
@@ -60,7 +67,7 @@ class Recording:
         image = self._read(i)
         if image.size > LARGEST_CHUNK:
             raise ValueError(
-                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px are more than PIV"
+                f"{self.frame_name(i)}: {image.shape[1]}x{image.shape[0]} px are more than PIV"
                 f" takes, {LARGEST_CHUNK / 1e6:.0f} million; cut the pictures to the part of"
                 " interest, or make them smaller"
             )
@@ -69,7 +76,7 @@ class Recording:
             self.attrs.setdefault("bits", 8 * image.dtype.itemsize)
         elif image.shape != self._shape:
             raise ValueError(
-                f"{self._frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, but the recording "
+                f"{self.frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, but the recording "
                 f"began with {self._shape[1]}x{self._shape[0]} px; give pictures of one size"
             )
         return image
@@ -88,8 +95,15 @@ class Recording:
     def _read(self, i: int) -> ndarray:
         raise NotImplementedError
 
-    def _frame_name(self, i: int) -> str:
+    def frame_name(self, i: int) -> str:
+        """What a message calls frame `i`."""
         return f"{self.name}: frame {i}"
+
+    @property
+    def stamp(self) -> list[tuple[str, int, int]]:
+        """Name, bytes and time of change (ns) of each file: other where a picture is replaced."""
+        stats = [(str(path), path.stat()) for path in self.files if path.exists()]
+        return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
     def close(self) -> None:
         """Release files; frames cannot be read afterwards."""

@@ -8,7 +8,7 @@ from numpy import ndarray
 from piv.files.errors import one_line
 from piv.formats.plane_series import FINGER_VARIABLES
 from piv.formats.recording import CAMERA, open_recording_file
-from piv.images.recording import LARGEST_CHUNK, Recording
+from piv.images.recording import LARGEST_CHUNK, Recording, UnreadableFrame
 
 # of damaged files
 _HDF5_ERRORS = (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError, AttributeError)
@@ -23,6 +23,7 @@ class RecordingFile(Recording):
         try:
             count = self._checked()
             super().__init__(str(path), count)
+            self.files = (path,)
             known = {k: v for k, v in self._file.attrs.items() if k in _ATTRIBUTES}
             self.attrs = {k: v.item() if isinstance(v, np.generic) else v for k, v in known.items()}
             self._check_attributes()
@@ -68,13 +69,13 @@ class RecordingFile(Recording):
         return values
 
     def _read(self, i: int) -> ndarray:
-        return self._part("frames", i, self._frame_name(i))
+        return self._part("frames", i, self.frame_name(i))
 
     def mask(self, i: int) -> ndarray | None:
         """The stored mask of frame `i`, True = body, or None."""
         if "mask" not in self._file:
             return None
-        return self._part("mask", i, self._frame_name(i)).astype(bool)
+        return self._part("mask", i, self.frame_name(i)).astype(bool)
 
     def variable(self, name: str, frames: slice) -> ndarray:
         """A variable of `finger` at some frames (frame, ...)."""
@@ -84,7 +85,7 @@ class RecordingFile(Recording):
         try:
             return self._file[name][where]
         except _HDF5_ERRORS as error:
-            raise ValueError(f"{place}: cannot be read ({one_line(error)})") from error
+            raise UnreadableFrame(f"{place}: cannot be read ({one_line(error)})") from error
 
     def close(self) -> None:
         """Close the file."""

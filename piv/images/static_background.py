@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
+from piv.images.absent_frames import FrameCheck
 from piv.images.recording import Recording
 
 CELL = 32  # px
@@ -32,14 +33,13 @@ def static_background(recording: Recording) -> tuple[ndarray, ndarray] | None:
     if len(recording) < _LEAST_FRAMES or min(recording.shape) < CELL:
         return None
     chosen = np.unique(np.linspace(0, len(recording) - 1, min(FRAMES, len(recording))).astype(int))
-    kept = set(chosen[:: max(1, len(chosen) // 4)])
+    apart = max(1, len(chosen) // 4)
     few = []
     least, top = np.full(recording.shape, np.inf, np.float32), -np.inf
-    for i in chosen:
-        image = recording.frame(int(i))
+    for k, image in enumerate(FrameCheck(recording).images(chosen)):
         top = max(top, float(image.max()))
         np.minimum(least, image, out=least)
-        few += [image] if i in kept else []
+        few += [] if k % apart else [image]
     still = _texture(least)
     total, moving = [], []
     for image in few:

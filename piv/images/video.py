@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from piv.images.image_files import to_grey
-from piv.images.recording import Recording
+from piv.images.recording import Recording, UnreadableFrame
 
 _RECENT_FRAMES = 8  # of a video, so that neighbouring pairs need no seeking
 
@@ -31,6 +31,7 @@ class Video(Recording):
             )
         # no times: a high-speed film is usually stored with a playing rate, not with the camera's
         super().__init__(str(path), count)
+        self.files = (path,)
 
     def _open(self) -> None:
         if not self.path.is_file():
@@ -55,7 +56,7 @@ class Video(Recording):
             self._open()
         while self._next <= i:
             if not self._capture.grab():
-                raise ValueError(
+                raise UnreadableFrame(
                     f"{self.path}: decoding ended before frame {i}, though the container says "
                     f"{self.count} frames"
                 )

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy import ndarray
 from scipy.ndimage import gaussian_filter
 
-from piv.formats.plane_series import AXES, UNITS, VECTORS, Planes, usable
+from piv.formats.plane_series import AXES, UNITS, VECTORS, Planes, absent, usable
 from piv.formats.recording import window_of
 from piv.momentum.acceleration import REACHES, Field, Flow, acceleration, time_slope
 from piv.momentum.integrate import Integral, Links, links
@@ -74,6 +74,7 @@ class Balance:
         self._walls = series[walls].load()
         self._density, self._viscosity = density, viscosity
         planes = Planes(series[[name for name in used if name not in walls]])
+        self._absent = absent(series)
         self._about = np.asarray(about, dtype=float)
         self._x, self._y, self._times = (series[name].values for name in ("x", "y", "time"))
         self._steps = float(np.diff(self._x[:2])[0]), float(np.diff(self._y[:2])[0])
@@ -101,6 +102,8 @@ class Balance:
     def at(self, k: int) -> dict[str, ndarray]:
         """`p`, `p_std` (y, x) Pa, and with an outline its pressure and loads, of instant `k`."""
         now = self._fields(k)
+        if self._absent[k]:
+            return self._nothing()
         few = ValueError(f"no pressure at {self._times[k]:g} s: too few usable vectors")
         if not now.ok.any():
             raise few
@@ -141,6 +144,15 @@ class Balance:
         p, scaled = (q - q[..., border].mean(axis=-1, keepdims=True) for q in (p, scaled))
         found = {"p": net.grid(p), "p_std": net.grid(_std(scaled, p))}
         return found | self._loads(k, net.points, found["p"], net.grid(scaled))
+
+    def _nothing(self) -> dict[str, ndarray]:
+        """`at` of an instant without a field: NaN."""
+        shapes: dict[str, tuple[int, ...]] = {"p": (len(self._y), len(self._x))}
+        if "outline" in self._walls:
+            fingers, points, axes = self._walls["outline"].shape[1:]
+            shapes |= {"p_outline": (fingers, points), "line_force": (fingers, axes)}
+            shapes |= {"line_moment": (fingers,)}
+        return {f"{n}{end}": np.full(s, np.nan) for n, s in shapes.items() for end in ("", "_std")}
 
     def _loads(self, k: int, known: ndarray, p: ndarray, errors: ndarray) -> dict[str, ndarray]:
         """Pressure and loads on the outline, with standard uncertainties; none without one."""
@@ -193,8 +205,10 @@ def scatter(series: xr.Dataset, k: int) -> ndarray:
     From the median of second differences in time about instant `k`: in most of a view the flow is
     smooth.
     """
-    middle = int(np.clip(k, 1, series.sizes["time"] - 2))
-    three = series.isel(time=slice(middle - 1, middle + 2))
+    for middle in sorted(range(1, series.sizes["time"] - 1), key=lambda m: abs(m - k)):
+        three = series.isel(time=slice(middle - 1, middle + 2))
+        if not absent(three).any():
+            break
     ok = usable(three).values.all(axis=0)
     velocity = np.where(ok, _velocity(three), np.nan)
     second = velocity[:, 0] - 2 * velocity[:, 1] + velocity[:, 2]

@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from piv.formats.plane_series import fields_of, usable
+from piv.formats.plane_series import absent, fields_of, usable
 
 logging.getLogger("matplotlib.font_manager").setLevel(
     logging.ERROR
@@ -165,7 +165,8 @@ def draw(
         axes.set(xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})")
         title = style.title or ""
         if not title and "time" in plane.coords and plane["time"].ndim == 0:
-            title = f"$t$ = {float(plane['time']):.3f} {plane['time'].attrs.get('units', 's')}"
+            title = f"$t$ = {float(plane['time']):.6g} {plane['time'].attrs.get('units', 's')}"
+            title += ", no field" if absent(plane) else ""
         axes.set_title(title, loc="left", fontsize=9)
         bar = figure.colorbar(
             picture, ax=axes, shrink=0.85, pad=0.02, extend="max" if never_negative else "both"

@@ -129,7 +129,8 @@ def join(parts: list[Path], output: str | Path) -> Path:
         axes = file["x"][...], file["y"][...]
         fingers = {name: _dims(file[name]) for name in FINGER_VARIABLES if name in file}
         shapes = {name: file[name].shape[1:] for name in fingers}
-    writer = SeriesWriter(output, *axes, np.concatenate(times), units, attrs, heads[0]["identity"])
+    identity = [heads[0]["identity"], heads[0]["stamp"]]  # as of the whole in one job
+    writer = SeriesWriter(output, *axes, np.concatenate(times), units, attrs, identity)
     try:
         for path, head in zip(parts, heads, strict=True):
             with h5py.File(path, "r") as file:

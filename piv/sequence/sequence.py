@@ -4,9 +4,9 @@ import json
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,100 +16,33 @@ from tqdm import tqdm
 
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
-from piv.correlation.pair_images import check_images
-from piv.formats.plane_series import AXES, provenance, usable
-from piv.formats.recording import CAMERA, pixel_of
+from piv.correlation.pair_images import BlankImage, check_images
+from piv.formats.plane_series import (
+    AXES,
+    NO_PICTURE,
+    REPEATED,
+    absent,
+    absent_field,
+    provenance,
+    usable,
+)
+from piv.formats.recording import CAMERA
 from piv.formats.resumable import SeriesWriter
-from piv.images.image_files import PAIRINGS
-from piv.images.open_recording import pairs
+from piv.images.absent_frames import absent_frames
+from piv.images.file_names import PAIRINGS
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
 from piv.sequence.camera_shake import LEAST_SIDE, LEAST_VECTORS
 from piv.sequence.chunks import BLOCK, Chunk, chunk_path, is_chunk, series_key
 from piv.sequence.ensemble import correlate_ensemble
+from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from piv.sequence.multiframe import correlate_frames
+from piv.sequence.series_units import SeriesUnits
 
 # s: a thread that needs Python's lock for a moment does not wait ten times as long for it
 _HAND_OVER = 5e-4
+_NAMED = 5  # frames without a field that are named
 _ALTERNATE = 0.15  # of the vectors: by so much fewer in every other field mean frames of two pairs
-
-
-@dataclass(frozen=True)
-class SequenceOptions:
-    """Which frames make a vector field."""
-
-    pairing: Annotated[
-        str | None,
-        "1-2,2-3 (time-resolved) or 1-2,3-4 (pairs; default where the names end in A and B, a and "
-        "b, _0 and _1 or _1 and _2; else 1-2,2-3)",
-    ] = None
-    skip: Annotated[int, "frames left out between the two of a pair"] = 0
-    every: Annotated[int, "use every so many-th field"] = 1
-    frames: Annotated[int, "2 for pairs; 3, 5, … for the multi-frame mode"] = 2
-    shake: Annotated[bool, "multi-frame mode: take the camera's shake out"] = True
-    preprocess: Annotated[
-        str,
-        "steps of piv.images.preprocess with commas, such as background=min,cap=3; "
-        "none = as recorded",
-    ] = "background=static"
-    threads: Annotated[int, "fields computed at a time"] = 1
-    ensemble: Annotated[bool, "one mean field from the summed correlations of all pairs"] = False
-
-    @property
-    def steps(self) -> list[str]:
-        """Steps of the pre-processing."""
-        return [step for step in self.preprocess.split(",") if step not in ("", "none")]
-
-    def __post_init__(self) -> None:
-        if self.threads < 1:
-            raise ValueError(f"threads must be at least 1, got {self.threads}")
-        if self.frames != 2 and (self.frames < 3 or self.frames % 2 == 0):
-            raise ValueError(
-                f"frames must be 2, or odd for the multi-frame mode, got {self.frames}"
-            )
-        if self.frames == 2 and not self.shake:
-            raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
-        if self.ensemble and self.frames != 2:
-            raise ValueError("the ensemble is of pairs; leave out --frames")
-        if not isinstance(self.preprocess, str):
-            raise ValueError(
-                "preprocess must be one text of steps with commas, such as "
-                f"'background=min,cap=3', got {self.preprocess!r}"
-            )
-        if "none" in self.preprocess.split(",") and self.preprocess != "none":
-            raise ValueError(
-                f"preprocess = {self.preprocess!r}: 'none' stands alone; "
-                "leave out either it or the steps"
-            )
-        if self.frames > 2 and (self.pairing not in (None, PAIRINGS[0]) or self.skip):
-            raise ValueError(
-                "the multi-frame mode needs equally spaced frames: pairing '1-2,2-3' without skip"
-            )
-
-    def of(self, recording: Recording) -> "SequenceOptions":
-        """With the pairing that the recording's names state; ValueError where they leave doubt."""
-        if self.pairing is not None:
-            return self
-        if recording.pairing is None:
-            raise ValueError(recording.pairing_doubt)
-        return replace(self, pairing=recording.pairing)
-
-
-def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
-    """Indices of the frames of every vector field."""
-    if options.frames == 2:
-        assert options.pairing is not None  # of SequenceOptions.of
-        return [
-            tuple(p) for p in pairs(count, options.pairing, skip=options.skip, every=options.every)
-        ]
-    if count < options.frames:
-        raise ValueError(
-            f"{count} frames are too few for sets of {options.frames}; give a smaller --frames"
-        )
-    return [
-        tuple(range(i, i + options.frames))
-        for i in range(0, count - options.frames + 1, options.every)
-    ]
 
 
 def correlate_recording(
@@ -136,11 +69,15 @@ def correlate_recording(
         raise ValueError(f"{recording.name}: {error}") from None
     sets = frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
+    here = slice(part.first, part.first + part.count) if part else slice(None)
+    lost = _absent_fields(recording, sets, here, sequence)
     if chunk and part:
         if sequence.ensemble:
             raise ValueError("an ensemble is one field: leave out --chunk or --ensemble")
-        sets = sets[part.first : part.first + part.count]
+        sets = sets[here]
         output = chunk_path(output, *chunk)
+    if sequence.ensemble:
+        sets, lost = [frames for k, frames in enumerate(sets) if k not in lost], {}
     clean = Preprocessor(sequence.steps, recording)
     cleaned: dict[int, tuple[ndarray, Any]] = {}  # of the last set: most share some
 
@@ -155,8 +92,9 @@ def correlate_recording(
         cleaned.update(now)
         return [image for image, _ in now.values()], [mask for _, mask in now.values()]
 
-    units = _SeriesUnits.of(recording, sets)
+    units = SeriesUnits.of(recording, sets)
     x, y = units.axes(*options.axes(recording.shape))
+    stamp = recording.stamp
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
         del settings[key]
@@ -165,7 +103,9 @@ def correlate_recording(
         attrs["interval"] = float(f"{np.mean(units.interval):.12g}")
     identity = series_key([_seen(recording), settings, units.scale, units.origin, units.names])
     if part is not None:
-        attrs["chunk"] = identity = json.dumps(asdict(part) | {"identity": identity})
+        attrs["chunk"] = identity = json.dumps(
+            asdict(part) | {"identity": identity, "stamp": stamp}
+        )
         if is_chunk(output, identity):
             return Path(output)
     time = units.time
@@ -173,9 +113,10 @@ def correlate_recording(
         if "interval" not in attrs and units.interval is not None:
             raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
         time = time.mean(keepdims=True)
-    writer = SeriesWriter(output, x, y, time, units.names, attrs, identity)
+    writer = SeriesWriter(output, x, y, time, units.names, attrs, [identity, stamp])
     threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
-    shake_unknown, shares = 0, {}
+    shake_unknown = blank = 0
+    shares: dict[int, float] = {}
     try:
         if sequence.ensemble:
 
@@ -188,20 +129,27 @@ def correlate_recording(
             return writer.finish()
         cv2.setNumThreads(1)  # fields are the unit of parallel work
         sys.setswitchinterval(_HAND_OVER)
-        missing = [k for k in range(len(sets)) if k not in writer.done]
+        for k in sorted(lost.keys() - writer.done):
+            writer.write(k, absent_field((y.size, x.size), lost[k]))
+        missing = [k for k in range(len(sets)) if k not in writer.done and k not in lost]
         bar = tqdm(
             total=len(sets),
-            initial=len(writer.done),
+            initial=len(sets) - len(missing),
             unit="field",
             desc="correlate",
             disable=quiet or None,
         )
         for k, plane in _in_parallel(missing, sets, load, options, sequence):
             writer.write(k, units.fields(plane, k))
-            shares[k] = float(usable(plane).mean())
+            if absent(plane):
+                blank += 1
+            else:
+                shares[k] = float(usable(plane).mean())
             shake_unknown += plane.attrs.get("shake_unknown", 0)
             bar.update()
         bar.close()
+        if blank == len(sets):
+            raise ValueError(f"{recording.name}: no frame shows particles where it is not masked")
         for name, shape in recording.finger.items():
             values = _finger_in_sets(recording, name, sets)
             writer.add(name, AXES[name], (len(sets), *shape), values)
@@ -217,6 +165,12 @@ def correlate_recording(
                 f"Then give --pairing {PAIRINGS[1]}",
                 file=sys.stderr,
             )
+        if blank:
+            print(
+                f"{output}: {blank} fields are absent: a frame of theirs is of one grey level "
+                "where it is not masked",
+                file=sys.stderr,
+            )
         if shake_unknown:
             print(
                 f"{output}: the camera's shake could not be measured in {shake_unknown} of "
@@ -225,6 +179,45 @@ def correlate_recording(
                 "--no-shake (shake = false) does not look for it",
                 file=sys.stderr,
             )
+
+
+def _absent_fields(
+    recording: Recording, sets: list[tuple[int, ...]], part: slice, sequence: SequenceOptions
+) -> dict[int, int]:
+    """Flag of each field of `sets[part]` that is absent, by its number in it; warns of them.
+
+    ValueError where none is left, unless the only one: its own error says more.
+    """
+    if len(sets) < 2:
+        return {}
+    faults = absent_frames(
+        recording, sets, part, couples=sequence.pairing == PAIRINGS[1],
+        repeats=not sequence.keep_doubles,
+    )  # fmt: skip
+    flags = {
+        k: max(faults[i].flag for i in frames if i in faults)
+        for k, frames in enumerate(sets[part])
+        if not faults.keys().isdisjoint(frames)
+    }
+    if not flags:
+        return {}
+    some = [fault.why for fault in faults.values()][:_NAMED]
+    more = f"\n... and {len(faults) - len(some)} more frames" if len(faults) > len(some) else ""
+    repeated = any(fault.flag == REPEATED for fault in faults.values())
+    way = "; --keep-doubles takes a repeated picture for one of its own" if repeated else ""
+    if len(flags) == len(sets):
+        raise ValueError(
+            f"{recording.name}: no field has whole frames of its own ({some[0]}); give each "
+            f"picture once{way}"
+        )
+    count = len(sets[part])
+    print(
+        "\n".join(some) + more,
+        f"{recording.name}: fields with such frames are absent, {len(flags)} of {count}{way}",
+        sep="\n",
+        file=sys.stderr,
+    )
+    return flags
 
 
 def alternating(shares: dict[int, float]) -> tuple[float, float] | None:
@@ -252,9 +245,16 @@ def _in_parallel(
     """Fields in order; frames are read here, at most threads + 1 sets wait in memory."""
 
     def field(images: list[ndarray], masks: list[Any]) -> xr.Dataset:
-        if len(images) == 2:
-            return correlate_pair(*images, mask=masks, **asdict(options))
-        return correlate_frames(images, mask=masks, shake=sequence.shake, **asdict(options))
+        try:
+            if len(images) == 2:
+                return correlate_pair(*images, mask=masks, **asdict(options))
+            return correlate_frames(images, mask=masks, shake=sequence.shake, **asdict(options))
+        except BlankImage:
+            if len(sets) == 1:
+                raise
+            x, y = options.axes(images[0].shape)
+            nothing = absent_field((y.size, x.size), NO_PICTURE)
+            return xr.Dataset({name: (("y", "x"), values) for name, values in nothing.items()})
 
     with ThreadPoolExecutor(sequence.threads) as pool:
         running: list[tuple[int, Future]] = []
@@ -269,58 +269,6 @@ def _in_parallel(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-
-
-@dataclass(frozen=True)
-class _SeriesUnits:
-    """From px and frames to the units of the file."""
-
-    scale: float
-    origin: tuple[float, float]
-    time: ndarray
-    interval: ndarray | None  # s, per field; None where it is not known
-    names: dict[str, str]  # of the axes, time and velocity
-
-    @classmethod
-    def of(cls, recording: Recording, sets: list[tuple[int, ...]]) -> "_SeriesUnits":
-        """m/s where scale and interval are known, else px; s where times are known, else frames."""
-        scale = pixel_of(recording.attrs)
-        times = recording.times
-        left, bottom = recording.corner_px
-        interval = None
-        if times is None:
-            middle = np.array([0.5 * (s[0] + s[-1]) for s in sets])
-            if recording.interval is not None:
-                interval = np.full(len(sets), recording.interval)
-        else:
-            middle = np.array([0.5 * (times[s[0]] + times[s[-1]]) for s in sets])
-            interval = np.array([(times[s[-1]] - times[s[0]]) / (len(s) - 1) for s in sets])
-            if not (interval > 0).all():
-                raise ValueError(
-                    f"{recording.name}: the frames' times do not ascend; "
-                    "give --interval or --rate in their place"
-                )
-        units = {"x": "m", "y": "m", "time": "frame" if times is None else "s", "u": "m/s"}
-        if scale is None or interval is None:
-            units |= {"x": "px", "y": "px", "u": "px"}
-            return cls(1.0, (-left, -bottom), middle, interval, units)
-        origin = (
-            float(recording.attrs.get("origin_x_px", 0)) - left,
-            float(recording.attrs.get("origin_y_px", 0)) - bottom,
-        )
-        return cls(scale, origin, middle, interval, units)
-
-    def axes(self, x: ndarray, y: ndarray) -> tuple[ndarray, ndarray]:
-        """Coordinates of the vectors from those in px."""
-        return (x - self.origin[0]) * self.scale, (y - self.origin[1]) * self.scale
-
-    def fields(self, plane: xr.Dataset, index: int) -> dict[str, ndarray]:
-        """Variables of one field in the file's units."""
-        per_second = 1.0
-        if self.names["u"] == "m/s" and self.interval is not None:
-            per_second = self.scale / self.interval[index]
-        factor = dict.fromkeys(("u", "v", "u_std", "v_std"), per_second)
-        return {str(n): plane.variables[n].values * factor.get(str(n), 1) for n in plane.data_vars}
 
 
 def _carried(recording: Recording) -> dict[str, Any]:

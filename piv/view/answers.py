@@ -21,7 +21,7 @@ from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
 from piv.images.masks import inside_polygon, polygons_mask
 from piv.images.preprocess import Preprocessor
-from piv.sequence.sequence import SequenceOptions
+from piv.sequence.frame_sets import SequenceOptions
 from piv.view.scene import Scene, with_vorticity
 from piv.vortices.find import find_vortices
 

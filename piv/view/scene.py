@@ -15,10 +15,10 @@ from piv.files.hdf5 import open_hdf5
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import check_vectors, usable
 from piv.formats.recording import pixel_of
-from piv.images.image_files import PAIRINGS
+from piv.images.file_names import PAIRINGS
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
-from piv.sequence.sequence import SequenceOptions, frame_sets
+from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from piv.vortices.criteria import gradients, vorticity
 
 _LARGEST_SIDE = 1600  # px of an image that is sent to the browser; larger ones are thinned out

@@ -32,7 +32,7 @@ WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its poi
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of the
 # square of the grid step over the radius, of a circulation over its circle's; and what the end of
-# the smoothing's weights makes. These and OF_REPLICAS: tests/studies/piv/vortex_errors.py
+# the smoothing's weights makes. These and OF_REPLICAS: docs/evidence/piv/vortex_errors.py
 OF_GRID = np.array([0.022, 0.022, 0.056, 0.05, 0.01])
 OF_WEIGHTS = 4e-5
 # what windows and their smoothing err alike over a vortex: of a circulation, and of a radius the

@@ -13,7 +13,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from piv.files.child_process import worker_pool
-from piv.formats.plane_series import VECTORS, Planes, check_vectors, usable
+from piv.formats.plane_series import VECTORS, Planes, absent, check_vectors, usable
 from piv.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
@@ -46,6 +46,9 @@ def tabulate_vortices(
         empty &= not usable(plane).any()
         time = float(plane["time"]) if "time" in plane.coords else None
         times.append(0.0 if time is None else time)
+        if absent(plane):
+            tracker.skip()
+            continue
         for vortex, track in zip(
             vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
         ):

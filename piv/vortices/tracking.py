@@ -38,7 +38,7 @@ class TrackingSettings:
 class _Track:
     def __init__(self, identity: int, time: float, vortex: Vortex, noise: ndarray) -> None:
         self.identity, self.time, self.last = identity, time, vortex
-        self.missed = 0
+        self.missed = self.skipped = 0
         self.state = np.array([vortex.x, vortex.y, 0.0, 0.0])
         self.covariance = np.zeros((4, 4))
         self.covariance[:2, :2] = noise
@@ -54,7 +54,7 @@ class _Track:
         if self.young:
             p[2, 2] = p[3, 3] = (a / dt) ** 2
         g = np.array([[dt / 2, 0], [0, dt / 2], [1, 0], [0, 1]])
-        frames = 1 + self.missed
+        frames = 1 + self.missed + self.skipped
         return f @ self.state, f @ p @ f.T + g @ g.T * (s.agility * a * frames / dt) ** 2
 
     def update(
@@ -64,7 +64,8 @@ class _Track:
         gain = p[:, :2] @ np.linalg.inv(p[:2, :2] + noise)
         self.state = state + gain @ (np.array([vortex.x, vortex.y]) - state[:2])
         self.covariance = (np.eye(4) - gain @ np.eye(2, 4)) @ p
-        self.time, self.last, self.missed, self.young = time, vortex, 0, False
+        self.time, self.last, self.young = time, vortex, False
+        self.missed = self.skipped = 0
 
 
 class Tracker:
@@ -74,6 +75,11 @@ class Tracker:
         self.settings = settings or TrackingSettings()
         self._tracks: list[_Track] = []
         self._next = 0
+
+    def skip(self) -> None:
+        """Let an instant without a field pass, which ends no track."""
+        for track in self._tracks:
+            track.skipped += 1
 
     def update(self, time: float, vortices: Sequence[Vortex]) -> list[int]:
         """Track numbers of the `vortices` at `time`, which is later than the last."""
@@ -115,7 +121,7 @@ def _cost(
 ) -> float:
     old = track.last
     d = np.array([vortex.x, vortex.y]) - state[:2]
-    far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed)
+    far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed + track.skipped)
     squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
     if old.circulation * vortex.circulation <= 0 or np.hypot(*d) > far or squared > s.gate**2:
         return 1e9

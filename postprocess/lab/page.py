@@ -171,7 +171,7 @@ def _by_pressure(made: list[Quantity] | None, unused: bool, or_clock: bool) -> s
     if unused:
         return (
             "Whether pressure or structure is to blame needs a coupled run at the measured"
-            " pressure: compare at LEVEL=draft or finer, without QUICK=1."
+            " pressure: compare at LEVEL=draft or finer, without --quick."
         )
     if made is None:
         return ""

@@ -21,7 +21,8 @@ from piv.files.errors import StageError
 from piv.formats.plane_series import AXES, read_plane, usable, write_plane
 from piv.images.masks import polygons_mask
 from piv.images.recording import Recording
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 from piv.synthetic.plane_spline import PlaneField
 from piv.vortices.find import VortexSettings
 from postprocess.lab.dpiv_toml import Dpiv, Evaluation

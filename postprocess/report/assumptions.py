@@ -47,7 +47,7 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
         "The body is rigid and its motion is prescribed."
         if scene.body
         else "Pressure and water make the finger's motion together: in each time step the finger"
-        " bends under the loads of the water (docs/coupling.md)."
+        " bends under the loads of the water (docs/coupling.md)." + _share(scene.load_share)
         if scene.coupled
         else "The finger's motion is prescribed; the water does not bend it. The head of the page"
         " states where water would have it."
@@ -74,6 +74,16 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
         *([("Contact", _contact(scene.pinch))] if scene.pinch else []),
         ("PIV", piv),
     ]
+
+
+def _share(share: float) -> str:
+    """What a plane flow's loads are multiplied with; nothing in space."""
+    if share == 1:
+        return ""
+    return (
+        f" The loads of the plane flow count {share:.2f} times, because in space water also goes"
+        " around the width of the finger (slender-body theory)."
+    )
 
 
 def _pressure(motion: Motion) -> str:

@@ -27,7 +27,9 @@ def make_report(files: StageFiles) -> Path:
     index = files.required("figures/figures.json", "figures")
     scene = files.numbers
     figures = FIGURES.read(index)
-    numerics, trial = trust.level_error([scene.folder, *scene.parents], files.level)
+    middle = comparison["middle_of_stroke_s"]
+    error = trust.level_error([scene.folder, *scene.parents], files.level, middle)
+    trial = error.trial
     sections = _sections(figures["entries"], index.parent)
     slider = sections["slider"]
     sentences, unquoted = wording.quoted(comparison, sections["flow"], bool(trial))
@@ -40,14 +42,14 @@ def make_report(files: StageFiles) -> Path:
         purpose=purpose(scene, trial, comparison["scale"]["value"], figures["tip_height"]),
         flow_numbers=flow_numbers(scene, comparison["scale"]["value"], figures["tip_way"], run),
         answer=wording.answer(comparison, trial),
-        numerics=numerics,
+        error=error,
         power=wording.power_sentence(run["power_balance"]),
         motion=figures["motion"],
         tiles=wording.tiles(comparison),
         rows=wording.rows(comparison, bool(trial)),
         sentences=sentences,
         unquoted=unquoted,
-        middle=comparison["middle_of_stroke_s"],
+        middle=middle,
         strokes=len(scene.motion.strokes),
         sections=sections,
         pinch=pinch,
@@ -59,6 +61,7 @@ def make_report(files: StageFiles) -> Path:
                 "times": slider[0]["times"],
                 "frames": [entry["frames"] for entry in slider],
                 "texts": sections["timeline"][0]["texts"],
+                "end": error.end,
             }
         ),
         notes=wording.absences(comparison, finger=not scene.body),
@@ -120,12 +123,14 @@ def outcome(scene: Scene) -> tuple[str, str]:
     """What a run has computed, and what it shows, of a run whose report is made."""
     out, files = scene.out, StageFiles(scene)
     comparison, run = COMPARISON.read(out / "comparison.json"), RUN.read(out / "run" / "run.json")
-    _, trial = trust.level_error([scene.folder, *scene.parents], scene.level)
+    trial = trust.level_error([scene.folder, *scene.parents], scene.level).trial
     seconds = sum(cost["wall_time"] for cost in _costs(files.out, run["wall_time"]))
+    warning = run["power_balance"].get("warning")
+    warned = f". Warning: {warning}" if warning else ""
     return (
         f"{scene.name} at level {scene.level}: {run['cells']} cells ({run['model']}),"
         f" {run['steps']} steps to {scene.motion.end_time:g} s; its stages took"
-        f" {duration(seconds)}, some at the same time",
+        f" {duration(seconds)}, some at the same time{warned}",
         wording.answer(comparison, trial),
     )
 

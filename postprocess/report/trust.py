@@ -1,5 +1,6 @@
-"""The numerical error of a level, as the study of the trade-off measured it."""
+"""The numerical error of a level by windows of the stroke, as the study of the trade-off has it."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -8,61 +9,98 @@ from pipeline.scene.read_toml import command
 from postprocess.words import NBSP, quantity
 
 _ERRORS = {
-    "error_dorsal": "circulation on the dorsal side of the tip",
     "error_circulation": "circulation of the tip vortex",
-    "error_centre": "place of the tip vortex relative to the tip's width",
-    "error_velocity": "velocity in the sheet",
+    "error_centre": "its centre, of the tip's width",
+    "error_near_tip": "velocity within two tip widths of the tip",
+    "error_velocity": "velocity in the sheet, of the tip's speed",
     "error_force": "force on the finger",
 }
-_TRIAL = 0.5  # a level of a larger error shows that everything works, and no number of the finger
+_HOLDS = 0.25  # error from which on a page's numbers do not count as known
+_TRIAL = 0.5  # in mid-stroke: a level shows that everything works, and no number of the finger
 
 
-def level_error(scenes: list[Path], level: str) -> tuple[str, str]:
-    """A sentence on the level's error, and why it is for trying out alone ("" where it is not).
+@dataclass(frozen=True)
+class LevelError:
+    """What a page says of its level's error.
 
-    `scenes`: the scene's folder and those that it extends, nearest first; the first with a
-    studies/results/tradeoff.csv that has the level counts.
+    `trial`: why the level is for trying out alone ("" where it is not). `table`: names of the
+    quantities and rows (window, their errors) as text. `end`: instant (s) from which on an error
+    exceeds _HOLDS or none was measured; None where nothing was.
+    """
+
+    sentence: str
+    trial: str = ""
+    table: tuple[list[str], list[tuple[str, list[str]]]] | None = None
+    end: float | None = None
+
+
+def level_error(
+    scenes: list[Path], level: str, middle: tuple[float, float] | None = None
+) -> LevelError:
+    """The error of a level; `middle`: instants (s) of the middle of this scene's stroke.
+
+    `scenes`: the scene's folder and those that it extends, nearest first; the first with
+    studies/results that have the level counts. Windows of another scene are stretched to the pace
+    of this one's stroke.
     """
     unknown = (
         f"Level {level}: its numerical error was not measured for this scene"
         f" ({command('tradeoff', scenes[0])} measures it)."
     )
     for folder in scenes:
-        path = folder / "studies" / "results" / "tradeoff.csv"
+        path = folder / "studies" / "results" / "errors.csv"
         table = pd.read_csv(path, comment="#") if path.exists() else None
         if table is None:
             continue
-        rows = table[(table["run"] == level) & (table["kind"] == "flow") & table["error"].notna()]
-        if len(rows):
-            best = table.loc[table["cells"].idxmax()]
-            sentence, trial = _sentence(rows.iloc[0], best, folder.resolve().name, level)
-            if folder == scenes[0]:
-                return sentence, trial
-            of = f" on scene {folder.resolve().name}"
-            return f"{unknown} {sentence}", trial and f"{trial}{of}"
-    return unknown, ""
+        windows = table[table["run"] == level].sort_values("start_s", ignore_index=True)
+        if len(windows) and windows["error"].notna().any():
+            own = folder == scenes[0]
+            if middle and not own:
+                windows = _stretched(windows, middle)
+            name = folder.resolve().name
+            said = _said(windows, table, name, level)
+            if own:
+                return said
+            trial = said.trial and f"{said.trial} on scene {name}"
+            return LevelError(f"{unknown} {said.sentence}", trial, said.table, said.end)
+    return LevelError(unknown)
 
 
-def _sentence(row: pd.Series, best: pd.Series, scene: str, level: str) -> tuple[str, str]:
-    known = {name: words for name, words in _ERRORS.items() if pd.notna(row.get(name))}
-    worst = max(known, key=lambda name: float(row[name]))
-    shown = {name: quantity(float(row[name]), "fraction") for name in known}
-    rest = ", ".join(f"{words} {shown[name]}" for name, words in known.items() if name != worst)
-    against = (
-        f"against level {best['level']}, the finest that was run, whose own error is estimated"
-        f" at {quantity(float(best['error']), 'fraction')}"
+def _stretched(windows: pd.DataFrame, middle: tuple[float, float]) -> pd.DataFrame:
+    """Windows (s) of a stroke of another pace, of which the first is the middle of the stroke."""
+    start, end = windows.loc[0, ["start_s", "end_s"]]
+    pace = (middle[1] - middle[0]) / (end - start)
+    at = {name: middle[0] + pace * (windows[name] - start) for name in ("start_s", "end_s")}
+    return windows.assign(**at)
+
+
+def _said(windows: pd.DataFrame, table: pd.DataFrame, scene: str, level: str) -> LevelError:
+    known = {name: words for name, words in _ERRORS.items() if name in windows}
+    largest = windows["error"].fillna(float("inf"))  # of a vortex that was not found
+    parts = ", ".join(
+        f"{_percent(error)} until {end:.3f}{NBSP}s"
+        for error, end in zip(windows["error"], windows["end_s"], strict=True)
     )
-    if level == best["level"]:
-        against = "extrapolated from the level below"
-    elif pd.notna(row.get("reference")):  # of a row that was renewed alone
-        against = f"against level {row['reference']}"
-    near = ""
-    if pd.notna(row.get("error_near_tip")):
-        share = quantity(float(row["error_near_tip"]), "fraction")
-        near = f" Within two tip widths of the tip its velocity errs by {share} of the flow there."
-    trial = f"those of level {level} are wrong by up to {100 * row['error']:.0f}{NBSP}%"
-    return (
-        f"Level {level} errs by {shown[worst]} at worst ({known[worst]}); {rest}: {against},"
-        f" on scene {scene}.{near}",
-        trial if row["error"] > _TRIAL else "",
+    against = "extrapolated from the two levels below"
+    if pd.notna(best := windows["reference"].iloc[0]):
+        against = f"against level {best}, the finest whole stroke that was run"
+        own = table.loc[table["run"] == best, "error"].max()
+        if pd.notna(own):
+            against += f", whose own error is estimated at {_percent(own)} at most"
+    rows = [
+        (f"{row['start_s']:.3f} to {row['end_s']:.3f}", [_percent(row[name]) for name in known])
+        for _, row in windows.iterrows()
+    ]
+    wrong = windows.index[largest > _HOLDS]
+    end = windows.loc[wrong[0], "start_s"] if len(wrong) else windows["end_s"].iloc[-1]
+    trial = f"those of level {level} are wrong by up to {100 * largest[0]:.0f}{NBSP}%"
+    return LevelError(
+        f"Level {level} errs by at most {parts}: {against}, on scene {scene}.",
+        trial if largest[0] > _TRIAL else "",
+        (list(known.values()), rows),
+        float(end),
     )
+
+
+def _percent(error: float) -> str:
+    return quantity(float(error) if pd.notna(error) else None, "fraction")

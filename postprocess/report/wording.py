@@ -29,8 +29,10 @@ def power_sentence(balance: dict[str, Any]) -> str:
     """How much of the finger's work the schemes take, and how much is unexplained."""
     taken = balance["taken"]
     schemes = (taken["convection"] + taken["coupling"]) / (abs(balance["work"]) or 1.0)
+    warning = balance.get("warning")
     return (
-        f"{_of_work(balance)} the numerical schemes take {100 * schemes:.0f}{NBSP}%, which"
+        (f"Warning: {warning}. " if warning else "")
+        + f"{_of_work(balance)} the numerical schemes take {100 * schemes:.0f}{NBSP}%, which"
         " the water would not;"
         f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} is unexplained."
     )

@@ -1,11 +1,12 @@
 """Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
 
 import csv
-import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from pipeline.kinematics.camera_window import tip_path
 from pipeline.runs.estimate import duration, estimate
@@ -18,21 +19,32 @@ from piv.files.json_text import parse_json
 from piv.files.record import read_record
 from softfinger.make import Machine, make
 from softfinger.study.machine_speed import probe
-from softfinger.study.rows import Row, parse_cell, read_study
+from softfinger.study.rows import read_study
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
-_TURBULENCE = "fluid.turbulence"
-_NOT_A_SETTING = {"sheet.rate_hz"}  # the study reduces it to save time
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A measured setting: overrides of the scene, relative error, CPU seconds by stage."""
+    """A measured level: MPI ranks, CPU seconds by stage, relative errors.
 
-    row: Row
-    error: float
+    `errors`: the largest in each window of the stroke, by the window's start (s).
+    """
+
+    level: str
+    ranks: int
+    errors: dict[float, float]
     seconds: dict[str, float]
+
+    def error(self, until: float = np.inf) -> float:
+        """The largest error of the windows that begin before `until` (s), at least of the first."""
+        return largest_error(self.errors, until)
+
+
+def largest_error(errors: dict[float, float], until: float) -> float:
+    """The largest of `errors` by their window's start (s), of windows that begin before `until`."""
+    return max(error for start, error in errors.items() if start < until or start == min(errors))
 
 
 def results_of(scene: Scene) -> tuple[Path, str]:
@@ -111,32 +123,37 @@ def read_results(path: Path) -> tuple[list[Setting], dict[str, Any]]:
     """Settings of a table of results, and its head; StageError where it is unusable.
 
     The head has the `probe` of the machine that measured, the name of the `best` run (the
-    reference of the errors), and `best_error`, its own error, where it was estimated.
+    reference of the errors), and `best_errors`, its own by window, where they were estimated.
     """
-    lines = path.read_text(encoding="utf-8").splitlines()
     remedy = f"make it anew with {command('tradeoff', path.parents[2])}"
-    head: dict[str, Any] = next(
-        (parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")), {}
+    (head, records), (_, windows) = (
+        _read_table(file, remedy) for file in (path, path.with_name("errors.csv"))
     )
+    errors: dict[str, dict[float, float]] = {}
+    for window in windows:
+        of_run = errors.setdefault(window["run"], {})
+        of_run[float(window["start_s"])] = float(window["error"] or "inf")
+    head["best_errors"] = errors.get(head.get("best", ""), {})
     settings = []
-    for record in csv.DictReader(line for line in lines if not line.startswith("#")):
-        if record["run"] == head.get("best") and record["error"]:
-            head["best_error"] = float(record["error"])
+    for record in records:
         seconds = {k[8:-2]: float(v) for k, v in record.items() if k.startswith("predict_") and v}
-        if not record["error"] or record["kind"] != "flow" or not seconds:
-            continue
-        overrides = {
-            k: parse_cell(v)
-            for k, v in record.items()
-            if "." in k and v and k not in _NOT_A_SETTING
-        }
-        if _TURBULENCE in overrides:
-            continue  # another model of the water, not another accuracy of it
-        row = Row(record["run"], record["level"], int(float(record["ranks"])), overrides=overrides)
-        settings.append(Setting(row, float(record["error"]), seconds))
+        # the page of a level knows its errors with no other key changed
+        if record["error"] and record["run"] == record["level"] and seconds:
+            ranks = int(float(record["ranks"]))
+            settings.append(Setting(record["level"], ranks, errors[record["run"]], seconds))
     if "probe" not in head or not settings:
         raise StageError(f"{path}: no probe or no settings in it; {remedy}")
     return settings, head
+
+
+def _read_table(path: Path, remedy: str) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """Head and rows of a CSV file; StageError where it is missing."""
+    if not path.exists():
+        raise StageError(f"{path}: missing; {remedy}")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    heads = [parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")]
+    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
+    return (heads or [{}])[0], list(rows)
 
 
 def parse_accuracy(text: str) -> float:
@@ -148,11 +165,11 @@ def parse_accuracy(text: str) -> float:
     return value
 
 
-def parse_budget(text: str) -> float:
-    """Seconds of a text such as "10min", "2h" or "90s"."""
+def parse_time(text: str, key: str) -> float:
+    """Seconds of the value of a `key`, such as "10min", "2h" or "0.2s"."""
     match = re.fullmatch(rf"\s*{_NUMBER}\s*([a-z]+)\s*", text)
     if not match or match.group(2) not in _UNITS or float(match.group(1)) <= 0:
-        raise StageError(f"BUDGET={text}: give a time, as 10min, 2h or 90s")
+        raise StageError(f"{key}={text}: give a time, as 10min, 2h or 90s")
     return float(match.group(1)) * _UNITS[match.group(2)]
 
 
@@ -166,21 +183,27 @@ def predicted_time(setting: Setting, there: dict[str, float], here: dict[str, fl
 
 
 def choose(
-    settings: list[Setting], times: list[float], most_error: float | None, most_time: float | None
+    settings: list[Setting],
+    times: list[float],
+    most_error: float | None,
+    most_time: float | None,
+    until: float = np.inf,
 ) -> int:
     """Index of the cheapest setting within `most_error`, or the most accurate in `most_time` (s).
 
-    StageError with the nearest setting where there is none.
+    Errors are those `until` an instant (s). StageError with the nearest setting where there is
+    none.
     """
     order = range(len(settings))
+    errors = [setting.error(until) for setting in settings]
     if most_error is not None:
-        good = [k for k in order if settings[k].error <= most_error]
+        good = [k for k in order if errors[k] <= most_error]
         if not good:
-            best = min(order, key=lambda k: settings[k].error)
+            best = min(order, key=lambda k: errors[k])
             raise StageError(
                 f"no measured setting reaches {100 * most_error:.3g} %; the best,"
-                f" {settings[best].row.run}, is within {100 * settings[best].error:.3g} %: give"
-                " that, or set the scene finer yourself"
+                f" {settings[best].level}, is within {100 * errors[best]:.3g} %: give"
+                " that, a part of the stroke (--until 0.2s), or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
     assert most_time is not None
@@ -189,15 +212,17 @@ def choose(
         fast = min(order, key=lambda k: times[k])
         raise StageError(
             f"no measured setting takes {most_time:.0f} s or less; the fastest,"
-            f" {settings[fast].row.run}, takes {times[fast]:.0f} s"
+            f" {settings[fast].level}, takes {times[fast]:.0f} s"
         )
-    return min(good, key=lambda k: settings[k].error)
+    return min(good, key=lambda k: errors[k])
 
 
-def reference_warning(head: dict[str, Any], error: float) -> str:
+def reference_warning(head: dict[str, Any], error: float, until: float = np.inf) -> str:
     """A sentence where `error` is below that of the reference run; empty otherwise."""
-    own = head.get("best_error")
-    if own is None or error >= own:
+    if not head["best_errors"]:
+        return ""
+    own = largest_error(head["best_errors"], until)
+    if error >= own:
         return ""
     return (
         f"errors are relative to {head['best']}, whose own error is estimated at {own:.1%}:"
@@ -205,29 +230,36 @@ def reference_warning(head: dict[str, Any], error: float) -> str:
     )
 
 
-def make_cheapest(folder: Path, accuracy: str, budget: str, machine: Machine, quiet: bool) -> Run:
-    """Make the report of the setting that `choose` gives for an accuracy or a budget."""
+def make_cheapest(
+    folder: Path, accuracy: str, budget: str, until: str, machine: Machine, quiet: bool
+) -> Run:
+    """Make the report of the setting that `choose` gives for an accuracy or a budget.
+
+    `until`: a time as text, after which errors do not count; empty: all of the stroke counts.
+    """
     error = parse_accuracy(accuracy) if accuracy else None
-    time = parse_budget(budget) if budget else None
+    time = parse_time(budget, "BUDGET") if budget else None
+    last = parse_time(until, "--until") if until else np.inf
     path, warning = results_of(open_run(folder).scene)
     if warning:
         print(warning)
     settings, head = read_results(path)
     here = probe()
     times = [predicted_time(setting, head["probe"], here) for setting in settings]
-    index = choose(settings, times, error, time)
-    row, found = settings[index].row, settings[index].error
-    run = open_run(folder, row.level, row.overrides, folder / "out" / "asked" / row.run)
+    index = choose(settings, times, error, time, last)
+    chosen, found = settings[index], settings[index].error(last)
+    run = open_run(folder, chosen.level, {}, folder / "out" / "asked" / chosen.level)
     if not quiet:
         print(
-            f"{row.run} (level {row.level}, {json.dumps(row.overrides)}): measured error"
-            f" {found:.1%}; about {times[index]:.0f} s of CPU on this machine"
+            f"level {chosen.level}: measured error {found:.1%}"
+            f"{f' until {last:g} s' if until else ''}; about {times[index]:.0f} s of CPU on this"
+            " machine"
         )
-        if doubt := reference_warning(head, max(error or 0.0, found)):
+        if doubt := reference_warning(head, max(error or 0.0, found), last):
             print(doubt)
-        if unknown := [s.name for s in STAGES if s.name not in settings[index].seconds]:
+        if unknown := [s.name for s in STAGES if s.name not in chosen.seconds]:
             print(f"not counted, because not measured: {', '.join(unknown)}")
-    make(run, "report", replace(machine, ranks=row.ranks), quiet)
+    make(run, "report", replace(machine, ranks=chosen.ranks), quiet)
     if not quiet:
         records = [read_record(run.out, stage.name) for stage in STAGES]
         cpu = sum(record["cpu_time"] for record in records if record)

@@ -11,17 +11,23 @@ from pipeline.formats.records import FORCES
 from piv.formats.plane_series import read_plane
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.load import FILES
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.strokes import peak_tip_speed
 
 _INSTANTS = 12  # of the middle of the stroke at which velocity fields are compared
 _NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
-_OF_FLOW = ("error_dorsal", "error_centre", "error_velocity", "error_force")
-_OF_PIV = ("error_circulation", "error_centre", "error_velocity")
+_OF_VORTEX = ("error_circulation", "error_centre")
+_COUNTED = (*_OF_VORTEX, "error_near_tip", "error_velocity", "error_force")
+_LATE = 3  # windows between the middle of the stroke and the end of the run
 # Orders that an extrapolation takes: schemes are of second order, walls and time of first.
 _ORDERS = (1.0, 2.0)
+
+
+def stroke_windows(middle: tuple[float, float], end: float) -> list[tuple[float, float]]:
+    """Windows (s) of a run that ends at `end`: the middle of its stroke, and parts of the rest."""
+    edges = np.linspace(middle[1], end, _LATE + 1)
+    return [middle, *zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
 
 
 def errors_against(
@@ -29,37 +35,31 @@ def errors_against(
 ) -> dict[str, float]:
     """Errors of a run's flow ("cfd") or PIV ("piv") against the flow of `best` over a window (s).
 
-    Each is a part of its own scale, and `error` is the largest. The force's error is from the
-    beginning. `error_dorsal` is of all water on the tip's dorsal side.
+    Each is a part of its own scale in the window, and `error` is the largest of _COUNTED.
     """
     with (
         read_plane(best.required(FILES["cfd"], "sheet")) as wanted,
         read_plane(files.required(FILES[source], "piv" if source == "piv" else "sheet")) as got,
     ):
-        window = window[0], min(window[1], float(wanted["time"][-1]), float(got["time"][-1]))
         scale, _ = peak_tip_speed(wanted["time"].values, wanted["tip"].values)
         width = float(wanted.attrs["tip_width"])
-        sums = fields.field_sums(wanted, _thinned(got, window))
+        shown = _thinned(got, window)
+        sums = fields.field_sums(wanted, shown)
         errors = {"error_velocity": fields.rms_difference(sums) / scale}
-        if source == "piv":
-            errors |= {"vectors": got.sizes["x"] * got.sizes["y"], "fields": got.sizes["time"]}
-        else:
-            errors["tip_width_mm"] = width * 1e3
-            errors["error_near_tip"] = near_tip_error(wanted, _thinned(got, window))
-        tables = {
-            name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
-            for name, of, seen in (("best", best, "cfd"), ("other", files, source))
-        }
-        tips = list(tracks.dominant_tracks(tables, 0, window).values())
-        if len(tips) == 2:
-            of_vortex = vortex_errors(tips[0], tips[1], window, width)
-            errors |= of_vortex
-            if source == "cfd" and of_vortex:
-                sides = (dorsal_circulation(plane, window) for plane in (wanted, got))
-                errors["error_dorsal"] = dorsal_error(*sides)
+        if source == "cfd":
+            errors["error_near_tip"] = near_tip_error(wanted, shown)
+    tables = {
+        name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
+        for name, of, seen in (("best", best, "cfd"), ("other", files, source))
+    }
+    tips = list(tracks.dominant_tracks(tables, 0, window).values())
+    if len(tips) == 2:
+        errors |= vortex_errors(tips[0], tips[1], window, width)
     if source == "cfd":
-        forces = (FORCES.read(of.required("run/forces.csv", "solve")) for of in (best, files))
-        errors["error_force"] = force_error(*forces)
+        wanted_force, force = (
+            FORCES.read(of.required("run/forces.csv", "solve")) for of in (best, files)
+        )
+        errors["error_force"] = force_error(wanted_force, force, window)
     return errors | worst(errors)
 
 
@@ -99,18 +99,9 @@ def vortex_errors(
     }
 
 
-def dorsal_error(reference: pd.DataFrame, other: pd.DataFrame) -> float:
-    """RMS difference of two dorsal circulations over the RMS of the part that the water decides."""
-    wanted, of_water = (
-        np.interp(other["time"], reference["time"], reference[name])
-        for name in ("circulation", "of_water")
-    )
-    return float(np.sqrt(((other["circulation"] - wanted) ** 2).mean() / (of_water**2).mean()))
-
-
-def force_error(reference: pd.DataFrame, other: pd.DataFrame) -> float:
-    """RMS difference of the force until the reference ends, over the RMS of the reference's."""
-    rows = other[other["time"] <= reference["time"].iloc[-1] + 1e-9]
+def force_error(reference: pd.DataFrame, other: pd.DataFrame, window: tuple[float, float]) -> float:
+    """RMS difference of the force over a window (s), over the RMS of the reference's there."""
+    rows = other[other["time"].between(*window)]
     difference = reference2 = 0.0
     for name in ("fx", "fy"):
         wanted = np.interp(rows["time"], reference["time"], reference[name])
@@ -121,10 +112,9 @@ def force_error(reference: pd.DataFrame, other: pd.DataFrame) -> float:
 
 def worst(errors: dict[str, float]) -> dict[str, float]:
     """`error`: the largest of the errors that count; absent where the vortex was not found."""
-    counted = _OF_FLOW if "error_dorsal" in errors else _OF_PIV
-    if counted[0] not in errors:
+    if not errors.keys() >= set(_OF_VORTEX):
         return {}
-    return {"error": max(errors[name] for name in counted if name in errors)}
+    return {"error": max(errors[name] for name in _COUNTED if name in errors)}
 
 
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
@@ -142,7 +132,7 @@ def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> di
     if not known or size[0] <= 1:
         return {}
     own = {}
-    for name in table.columns.intersection([*_OF_FLOW, "error_circulation", "error_centre_mm"]):
+    for name in table.columns.intersection([*_COUNTED, "error_centre_mm"]):
         error = next_two[name].to_numpy(float)
         order = _falling_order(size, error) if len(size) == 2 else _ORDERS[1]
         own[name] = float(error[0]) / (size[0] ** order - 1)

@@ -71,10 +71,10 @@ def clear_records(plan: Path) -> None:
         forget(Path(record).parents[1], Path(record).stem, job["digest"])
 
 
-def run_job(plan: Path, name: str, stage: str, threads: int, collated: bool = False) -> None:
+def run_job(plan: Path, name: str, stage: str, threads: int) -> None:
     """Make one stage of a run of a plan, or its outcome."""
     about = next(run for run in STUDY_PLAN.read(plan)["runs"] if run["run"] == name)
-    machine = Machine(about["ranks"], threads, collated=collated)
+    machine = Machine(about["ranks"], threads)
     if stage == OUTCOME:
         write_outcome(about, machine)
     else:

@@ -17,7 +17,7 @@ from piv.files.provenance import versions
 from piv.files.record import REMEDY
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.tables import write_table
-from softfinger.study.errors import errors_against, own_errors
+from softfinger.study.errors import errors_against, own_errors, stroke_windows
 from softfinger.study.table import (
     files_of,
     middle_of_stroke,
@@ -30,6 +30,7 @@ from softfinger.study.table import (
 # A run that overrides it shows how grids converge: nobody chooses it.
 PART_OF_STROKE = "motion.end_time"
 _OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
+_ROUNDING = 1e-9  # s
 _LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
 
 
@@ -72,88 +73,115 @@ def _picture(files: StageFiles) -> dict[str, float]:
     }
 
 
-def finest(plan: dict[str, Any], missing: dict[str, str]) -> str:
-    """The finished flow run of most cells, of those with as many the one of most steps."""
-    done = [row for row in plan["runs"] if row["until"] != "vortices" and row["run"] not in missing]
-    if not done:
-        raise ValueError("the study has no finished run to judge the others by")
+def finest(plan: dict[str, Any]) -> str:
+    """The flow run of a whole stroke with most cells, of those with as many that of most steps."""
+    whole = [
+        row
+        for row in plan["runs"]
+        if row["until"] != "vortices" and PART_OF_STROKE not in row["overrides"]
+    ]
+    if not whole:
+        raise ValueError("the study has no run of a whole stroke to judge the others by")
 
     def size(row: dict[str, Any]) -> tuple[int, int]:
         record = RUN.read(Path(row["out"]) / "run" / "run.json")
         return record["cells"], record["steps"]
 
-    return str(max(done, key=size)["run"])
+    return str(max(whole, key=size)["run"])
 
 
-def _evaluate(plan: dict[str, Any], best: str, missing: dict[str, str]) -> pd.DataFrame:
-    """The study's table with errors, the front, and predicted costs; without `missing` runs."""
-    plan = plan | {"runs": [row for row in plan["runs"] if row["run"] not in missing]}
+def _errors(
+    rows: dict[str, StageFiles], table: pd.DataFrame, runs: list[dict[str, Any]], best: str
+) -> pd.DataFrame:
+    """Errors of each run in each window of the stroke that it reaches; `table`: by run."""
+    middle = middle_of_stroke(rows[best])
+    windows = stroke_windows(middle, float(table.loc[best, "end_time_s"]))
+    out: list[dict[str, Any]] = []
+    for window in windows:
+        edges = {"start_s": round(window[0], 4), "end_s": round(window[1], 4)}
+        errors = {}
+        for run, files in rows.items():
+            piv = table.loc[run, "kind"] == "piv"
+            ends = table.loc[run, "end_time_s"] + _ROUNDING
+            if run != best and window[1] <= ends and not (piv and window != windows[0]):
+                against = (files, files, "piv") if piv else (rows[best], files, "cfd")
+                errors[run] = errors_against(*against, window)
+        known = table.join(pd.DataFrame.from_dict(errors, orient="index"))
+        if "error" in known:
+            errors[best] = own_errors(known, runs, best)
+        for run, found in errors.items():
+            judge = "" if run == best else best
+            out.append({"run": run, **edges, "reference": judge, **found})
+    return pd.DataFrame(out)
+
+
+def _evaluate(plan: dict[str, Any], best: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The study's table with largest errors, the front and predicted costs, and `_errors`."""
     rows = {row["run"]: files_of(row) for row in plan["runs"]}
-    if best not in rows:
-        why = missing.get(best, "the table has none of that name")
-        raise ValueError(
-            f"the study has no finished run {best!r} to judge the others by ({why});"
-            " name one with --best"
-        )
     table = study_table(plan, {}).set_index("run", drop=False)
     is_piv = table["until"].eq("vortices")
     is_part = pd.Series({row["run"]: PART_OF_STROKE in row["overrides"] for row in plan["runs"]})
     table["kind"] = np.where(is_piv, "piv", np.where(is_part, "grid", "flow"))
-    window = middle_of_stroke(rows[str(table["end_time_s"].idxmax())])
     for run, files in rows.items():
-        source, reference = ("piv", files) if is_piv[run] else ("cfd", rows[best])
-        numbers = {} if run == best else errors_against(reference, files, source, window)
+        costs = {}
         if table.loc[run, "until"] == "report":
-            numbers |= stage_costs(files.out, _OF_THE_REPORT)[0]
-        for name, value in (numbers | _picture(files)).items():
+            costs = stage_costs(files.out, _OF_THE_REPORT)[0]
+        for name, value in (costs | _picture(files)).items():
             table.loc[run, name] = value
-    if "error" in table:
-        for name, value in own_errors(table, plan["runs"], best).items():
-            table.loc[best, name] = value
-    nothing = pd.Series(np.nan, table.index)
+    errors = _errors(rows, table.drop(columns="run"), plan["runs"], best)
+    # a vortex that was not found in a window leaves the run's error unknown
+    largest = errors.groupby("run")["error"].agg(lambda error: error.max(skipna=False))
+    table["error"] = largest.reindex(table.index)
     flow = table["kind"].eq("flow")
     # The study only ever samples less than the level's own rate.
     native = table.groupby("level")["rate_hz"].transform("max")
     table["piv_fields"] = native * table["end_time_s"] / table["every"]
-    whole = table[flow & table.get("cpu_report_s", nothing).notna()]
+    whole = table[flow & table.get("cpu_report_s", pd.Series(np.nan, table.index)).notna()]
     if len(whole):
         planes = (native / table["rate_hz"])[flow]
         table = table.join(_predictions(table[flow], planes, whole.iloc[0]))
-    stages = ["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_run_s"]
+    stages = ["cpu_kinematics_s", "cpu_mesh_s", "cpu_case_s", "cpu_solve_s"]
     table["cpu_flow_s"] = table[stages].sum(axis=1)
     if is_piv.any():
-        table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["fields"]
+        table.loc[is_piv, "cpu_piv_per_field_s"] = table["cpu_piv_s"] / table["piv_fields"]
     cost = np.where(is_piv, table.get("cpu_piv_per_field_s", np.nan), table["cpu_flow_s"])
-    error = table.get("error", nothing).to_numpy(float)
+    error = table["error"].to_numpy(float)
     table["front"] = False
     for kind in (flow, is_piv):
         chosen = kind.to_numpy()
         table.loc[chosen, "front"] = front(cost[chosen].astype(float), error[chosen])
-    return table.reset_index(drop=True)
+    return table.reset_index(drop=True), errors
 
 
-def write_results(path: Path, table: pd.DataFrame, best: str, probe: dict[str, float]) -> None:
-    """Write the table, which ACCURACY= and BUDGET= choose from, as CSV below its provenance."""
+def write_results(
+    path: Path, table: pd.DataFrame, errors: pd.DataFrame, best: str, probe: dict[str, float]
+) -> None:
+    """Write the table, which ACCURACY= and BUDGET= choose from, as CSV below its provenance.
+
+    `errors`: by run and window of the stroke, which become errors.csv beside it.
+    """
     head = {
         "format": "tradeoff",
-        "format_version": 1,
+        "format_version": 2,
         "best": best,
         "made": datetime.now(UTC).date().isoformat(),
         "probe": probe,
         "versions": {"python": platform.python_version()} | versions(*_LIBRARIES),
     }
-    rounded = table.copy()
-    for name in rounded.select_dtypes("number"):
-        rounded[name] = [float(f"{v:.5g}") if pd.notna(v) else v for v in rounded[name]]
-    write_table(path, rounded, head)
+    for target, numbers in ((path, table), (path.with_name("errors.csv"), errors)):
+        rounded = numbers.copy()
+        for name in rounded.select_dtypes("number"):
+            rounded[name] = [float(f"{v:.5g}") if pd.notna(v) else v for v in rounded[name]]
+        write_table(target, rounded, head)
 
 
-def write_tradeoff(path: Path) -> None:
-    """Write studies/results/tradeoff.csv of a scene from the plan of its study.
+def write_tradeoff(path: Path, only: list[str]) -> None:
+    """Write results/tradeoff.csv and errors.csv of a scene's studies from the plan of its study.
 
-    ValueError where runs are missing.
+    `only`: the runs to write; empty: all of the plan. ValueError where one is missing.
     """
     plan = read_plan(path)
+    plan = plan | {"runs": [row for row in plan["runs"] if not only or row["run"] in only]}
     if missing := missing_runs(plan):
         listed = "; ".join(f"{run}: {why}" for run, why in missing.items())
         raise ValueError(
@@ -161,7 +189,8 @@ def write_tradeoff(path: Path) -> None:
             f" ({listed}): run make tradeoff again"
         )
     folder = Path(plan["home"])
-    best = finest(plan, {})
-    table = _evaluate(plan, best, {})
+    best = finest(plan)
+    table, errors = _evaluate(plan, best)
     probe = read_json(path.with_name("probe.json"), REMEDY)
-    write_results(folder / "studies" / "results" / "tradeoff.csv", table, best, probe)
+    target = folder / "studies" / "results" / "tradeoff.csv"
+    write_results(target, table, errors, best, probe)

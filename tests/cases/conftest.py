@@ -30,7 +30,7 @@ def project(tmp_path_factory):
 
 
 def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
-    options = ("--no-print-directory", "LEVEL=smoke", "QUIET=1")
+    options = ("--no-print-directory", "LEVEL=smoke")
     command, environment = ["make", *options, *arguments], inner_environment()
     return subprocess.run(
         command, cwd=project, capture_output=True, text=True, check=False, env=environment

@@ -1,14 +1,14 @@
-"""Small `make faults` and tests.studies.stability: kills, two makes, full disk; endings."""
+"""Small `make faults` and docs.evidence.stability: kills, two makes, full disk; endings."""
 
 import os
 
 import pytest
 
+from docs.evidence.faults.campaign import Campaign, disks, kills, twice
+from docs.evidence.stability.solver import result
 from piv.files.record import record_path
 from softfinger.make import Machine
 from softfinger.study.outcome import write_outcome
-from tests.studies.faults.campaign import Campaign, disks, kills, twice
-from tests.studies.stability.solver import result
 
 pytestmark = pytest.mark.openfoam
 

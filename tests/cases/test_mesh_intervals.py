@@ -116,11 +116,10 @@ def test_the_left_finger_is_pushed_back_while_it_closes(solved):
 
 def test_parallel_equals_serial_over_the_field_mapping(meshed, solved, tmp_path, monkeypatch):
     monkeypatch.setattr(solver_interval, "LEAST_CELLS", 100)
-    # test_solver.py shows that collated files change no bit
-    shared = copy_of(meshed, tmp_path / "collated")
-    run_stage.run(shared, quiet=True, ranks=2, collated=True)
-    assert force_difference(solved, shared) < 1e-6
-    assert record(shared)["ranks"] == 2
+    parallel = copy_of(meshed, tmp_path / "parallel")
+    run_stage.run(parallel, quiet=True, ranks=2)
+    assert force_difference(solved, parallel) < 1e-6
+    assert record(parallel)["ranks"] == 2
 
 
 def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_same_forces(

@@ -68,7 +68,7 @@ def test_a_scene_is_its_toml_alone(project, name):
     folder = project / "cases" / name
     folder.mkdir()
     (folder / "scene.toml").write_text(SCENES[name])
-    done = make(project, name, "QUIET=")
+    done = make(project, name)
     assert done.returncode == 0, done.stderr[-3000:] + done.stdout[-1000:]
     warnings = [line for line in done.stdout.splitlines() if "0.1 m" in line]
     assert len(warnings) == (name == "Low-1")

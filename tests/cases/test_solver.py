@@ -117,31 +117,24 @@ def test_the_power_balance_names_all_terms(tmp_path):
 
 
 @pytest.mark.usefixtures("few_cells")
-def test_parallel_equals_serial_and_collated_equals_separate_files(
+def test_parallel_equals_serial_also_stopped_and_resumed(
     solved, prepared, tmp_path, capsys, stop_at
 ):
-    """Also stopped and resumed from collated files, which stay collated."""
-    names = ("apart", "shared", "stopped")
-    apart, shared, stopped = (copy_of(prepared, tmp_path / name) for name in names)
-    run_stage.run(apart, quiet=True, ranks=2)
-    assert record(apart)["ranks"] == 2
+    parallel, stopped = (copy_of(prepared, tmp_path / name) for name in ("parallel", "stopped"))
+    run_stage.run(parallel, quiet=True, ranks=2)
+    assert record(parallel)["ranks"] == 2
     # both stop their pressure iterations at 0.5 % of a residual, less than 1e-3 of a force
-    assert force_difference(solved, apart) < 1e-3
-    run_stage.run(shared, quiet=True, ranks=2, collated=True)
-    assert np.array_equal(table(apart), table(shared))
-    assert record(shared)["collated"]
-    case = shared.out / "case" / "interval_0"
-    assert [p.name for p in case.glob("processor*")] == ["processors2"]
-    assert not list(case.glob("*/*/wantedDisplacement*"))
-    stop_at(stopped, 0.026, ranks=2, collated=True)
+    assert force_difference(solved, parallel) < 1e-3
+    assert not list((parallel.out / "case").glob("*/*/*/wantedDisplacement*"))
+    stop_at(stopped, 0.026, ranks=2)
     before = read_progress(stopped.out / "case" / "interval_0")
-    earlier = run_stage.run(stopped, ranks=2)
+    earlier = run_stage.run(stopped, ranks=1)
     assert earlier == {n: before[n] for n in earlier}  # of the stopped part
     assert 0 < earlier["cpu_time"] < 2 * 1.2 * earlier["wall_time"] + 1  # logged to 10 ms
-    assert "resumes with 2 ranks and collated files, not 2 ranks" in capsys.readouterr().out
+    assert "resumes with 2 ranks, not 1 rank" in capsys.readouterr().out
     assert bool(record(stopped)["resumed"]) == RESUMES
     # early ends of the pressure's iterations; a mesh that loses its past would leave a tenth
-    assert force_difference(shared, stopped) < 1e-4
+    assert force_difference(parallel, stopped) < 1e-4
 
 
 @pytest.mark.parametrize("scheme", ["backward", "Euler"])
@@ -228,7 +221,7 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     assert count == 3
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
-    parts = solver_intervals(scene, 1, False, True)
+    parts = solver_intervals(scene, 1, quiet=True)
     parts[0].guard, motion = Guard(scene.numerics.max_courant), KnownMotion(parts[0])
     write_motion(parts, 0, motion, quiet=True)
     solution = case / "system" / "fvSolution"

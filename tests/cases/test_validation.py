@@ -5,13 +5,13 @@ import shutil
 import numpy as np
 import pytest
 
+from docs.evidence.validation import cantilever, cylinders, deforming, sprung
+from docs.evidence.validation.solve import CASES
 from pipeline import sheet as sheets
 from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.scene.scene import load_scene
 from pipeline.solve import stage as run
 from tests.conftest import prepare
-from tests.studies.validation import cantilever, cylinders, deforming, sprung
-from tests.studies.validation.solve import CASES
 
 pytestmark = pytest.mark.openfoam
 

@@ -220,6 +220,34 @@ def test_the_first_screen_has_the_answer_with_its_numbers(made):
     assert text.index('id="answer"') < text.index("<nav")
 
 
+def test_curves_and_film_are_shaded_where_the_numbers_of_the_level_end(made, tmp_path):
+    scene = tmp_path / "stroke"
+    shutil.copytree(made.scene_folder, scene, symlinks=True)
+    files = opened(scene)
+    times = pd.read_csv(files.out / "comparison.csv")["time"]
+    half, last = float(times.mean()), float(times.iloc[-1])
+    results = scene / "studies" / "results"
+    results.mkdir(parents=True)
+    found = {}
+    for late in (0.2, 0.3):
+        (results / "errors.csv").write_text(
+            "run,start_s,end_s,reference,error_circulation,error_near_tip,error\n"
+            f"coarse,0,{half},medium,0.04,0.1,0.1\n"
+            f"coarse,{half},{last},medium,0.04,{late},{late}\n"
+        )
+        run_stage(files, "report")
+        text = (files.out / "report.html").read_text()
+        page = Page(text)
+        assert page.errors == []
+        assert "errors" in {a.get("id") for _, a in page.elements}
+        shaded = sum(tag == "b" and "style" in a for tag, a in page.elements)
+        curves = sum(tag == "figure" and "data-axis" in a for tag, a in page.elements)
+        found[late] = shaded, curves, f"numbers end at {half:.3f}" in text
+    curves = found[0.3][1]
+    assert found == {0.2: (0, curves, False), 0.3: (curves, curves, True)}
+    assert curves > 2
+
+
 @pytest.mark.parametrize(
     "name, stage",
     [("sheet.h5", "compare"), ("vortices_cfd.csv", "compare"), ("comparison.json", "report")],

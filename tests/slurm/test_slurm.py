@@ -92,9 +92,9 @@ def scene():
     shutil.rmtree(FOLDER)
 
 
-def make(log: Path, *words: str) -> subprocess.Popen[bytes]:
-    """Start a user's make, with its output in `log`."""
-    command = ["make", "--no-print-directory", *words, "SLURM=1", f"SNAKEFLAGS={FLAGS}"]
+def softfinger(log: Path, *words: str) -> subprocess.Popen[bytes]:
+    """Start a user's command as batch jobs, with its output in `log`."""
+    command = [".venv/bin/softfinger", *words, "--slurm", "--snakemake", FLAGS]
     with log.open("wb") as file:
         return subprocess.Popen(
             command, cwd=ROOT, env=inner_environment(), stdout=file, stderr=file
@@ -147,7 +147,7 @@ def test_a_scene_that_meets_its_time_limit_is_submitted_again_and_ends(slurm, sc
     Snakemake submits it again, it resumes, and the later stages go on to the report.
     """
     begin, log = time.monotonic(), slurm / "make.log"
-    process = make(log, "slurm_test", "LEVEL=draft", "NP=2", "MINUTES=60")
+    process = softfinger(log, "run", "cases/slurm_test", "--level", "draft", "--ranks", "2")
     case = Case(scene.out / "case" / "interval_0", 2)
     wait_until(lambda: last_checkpoint(case) is not None or process.poll() is not None, 3000)
     solver = job_of("solve")
@@ -174,12 +174,12 @@ def test_a_study_of_four_runs(slurm, scene):
     table.parent.mkdir(exist_ok=True)
     table.write_text(STUDY)
     begin, log = time.monotonic(), slurm / "study.log"
-    code = make(log, "study", "STUDY=cases/slurm_test/studies/four.csv").wait(3600)
+    code = softfinger(log, "study", "cases/slurm_test/studies/four.csv").wait(3600)
     note(f"a study of four runs ({time.monotonic() - begin:.0f} s)", "\n".join(job_lines(log)))
     assert code == 0, log.read_text()[-3000:]
     study = FOLDER / "out" / "studies" / "four"
     result = pd.read_csv(study / "table.csv").set_index("run")
-    columns = ["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_run_s"]
+    columns = ["ranks", "time_step_s", "cells", "steps", "peak_force_N", "cpu_solve_s"]
     note("its table", result[columns].to_string())
     assert list(result.index) == ["base", "les", "one_rank", "two_ranks", "edge"]
     assert result["peak_force_N"].drop("edge").notna().all()

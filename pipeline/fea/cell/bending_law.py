@@ -1,5 +1,7 @@
 """How a unit cell bends under a moment, and what its rubber and its air weigh and displace."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse.linalg import splu
 
@@ -104,3 +106,11 @@ def bending_law(
         air_section=air_section,
         air_height=air_height,
     )
+
+
+def longer(law: BendingLaw, other: BendingLaw) -> BendingLaw:
+    """A law with the moments of another as well."""
+    moment = np.concatenate([law.moment, other.moment])
+    order = np.argsort(moment)
+    curvature = np.concatenate([law.curvature, other.curvature], axis=1)
+    return replace(law, moment=moment[order], curvature=curvature[:, order])

@@ -28,7 +28,9 @@ function show(index) {
   const time = data.times[index];
   slider.value = index;
   picture.src = data.frames[source][index];
-  shown.textContent = time.toFixed(3) + " s";
+  const beyond = data.end !== null && time > data.end;
+  picture.classList.toggle("beyond", beyond);
+  shown.textContent = time.toFixed(3) + " s" + (beyond ? ", beyond the level's numbers" : "");
   values.textContent = data.texts[index];
   slider.setAttribute("aria-valuetext", shown.textContent);
   cursors.forEach(move => move(time));

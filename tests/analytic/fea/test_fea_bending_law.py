@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from pipeline.fea.analyse import bend
 from pipeline.fea.cell.bending_law import air, bending_law, curvatures, rubber, stiffness
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import UnitCell
-from tests.finger_cell import ACTUATOR, SMALL, shipped_states
+from pipeline.scene.scene import load_scene
+from pipeline.structure.fea_stage import _further
+from tests.finger_cell import ACTUATOR, CASE, FEA, SMALL, shipped_states
 
 
 def test_stiffness_is_the_slope_of_curvature_over_moment():
@@ -59,3 +62,25 @@ def test_shipped_law_is_that_of_the_independent_prototype():
     # roof and channel ± 0.5 mm are worth 16 to 18 % at the ends
     at = int(np.argmin(np.abs(shipped.pressure)))
     assert 0.1 < shipped.law.stiffness_std[at] / shipped.law.stiffness[at] < 0.3
+
+
+def test_the_table_is_as_long_as_the_loads_of_the_scene_need(tmp_path):
+    """A stroke that the shipped table holds, and one whose loads need more moments."""
+    soft, fast = (
+        load_scene(CASE, "draft", {"motion.strokes": strokes, "motion.end_time": 0.2}, tmp_path)
+        for strokes in (
+            [{"pressure_kpa": 20.0, "start": 0.005, "duration": 0.4}],
+            [{"pressure_kpa": -20.0, "start": 0.005, "duration": 0.05},
+             {"pressure_kpa": 30.0, "start": 0.1, "duration": 0.05}],
+        )
+    )  # fmt: skip
+    states = shipped_states()
+    assert _further(soft, states) == ()
+    low, high = _further(fast, states)
+    assert low == -high < -2.0
+    analysis = FEA.model_copy(update={"mesh": SMALL})
+    found = bend(ACTUATOR, analysis, pressures=np.array([-1e3, 0.0, 1e3]), turns=(-1.0, 0.0, 1.0),
+                 further=lambda _: (-1.5, 1.5))  # fmt: skip
+    assert found.law is not None
+    np.testing.assert_allclose(found.law.moment / found.law.moment[-1], [-1, -2 / 3, 0, 2 / 3, 1])
+    assert (np.diff(found.law.curvature, axis=1) > 0).all()

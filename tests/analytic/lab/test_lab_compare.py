@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from docs.evidence.lab_renderer import Filmed
 from piv.vortices.find import VortexSettings
 from postprocess.lab.dpiv_toml import Evaluation
 from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
@@ -22,7 +23,6 @@ from postprocess.lab.virtual_experiment import (
     with_finger,
 )
 from softfinger.laboratory import compare
-from tests.lab_renderer import Filmed
 from tests.lab_scene import finger_kinematics, vortex_series
 
 PIV = Evaluation(window=24, spacing=8, pairing="1-2,3-4", interval_s=0.002)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
+from docs.evidence.lab_renderer import Faults, Rendered
 from postprocess.lab.check_fit import check_fit, check_motion, check_priors, draw_fit
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.outline_profile import shaded_parts
 from postprocess.lab.pose import Pose
 from postprocess.lab.register import Known, Law, Registration, register
-from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics
 
 PICTURES, SHAPE, SCALE = 16, (320, 400), 0.4

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from docs.evidence.lab_renderer import Faults, Rendered
 from pipeline.formats.kinematics import counter_clockwise
 from postprocess.lab.check_fit import check_fit
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Known, register
 from postprocess.lab.silhouette import integral_image
-from tests.lab_renderer import Faults, Rendered
 from tests.lab_scene import finger_kinematics, inside_sum, vortex_series
 
 TIMES, SHAPE, SCALE, DELAY, FACTOR = np.linspace(0.0, 0.42, 24), (320, 400), 0.4, 0.007, 1.05

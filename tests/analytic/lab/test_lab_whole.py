@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from docs.evidence.lab_renderer import Filmed
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.records import LAB_COMPARISON, RUN
 from pipeline.kinematics import stage as kinematics_stage
@@ -17,7 +18,6 @@ from piv.formats.recording import RecordingWriter
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
-from tests.lab_renderer import Filmed
 from tests.lab_scene import CASE, state_vectors, vortex_series
 
 INPUTS = """format = "inputs"
@@ -112,7 +112,7 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     assert abs(quantities["circulation"]["error"][0] / quantities["circulation"]["data"][0]) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
-    with pytest.raises(StageError, match="QUICK=1 compares the motion, which vectors do not"):
+    with pytest.raises(StageError, match="--quick compares the motion, which vectors do not"):
         compared(run, tmp_path / "sound", quick=True)
 
 

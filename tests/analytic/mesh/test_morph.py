@@ -91,7 +91,8 @@ def test_the_mesh_never_inverts_and_an_impossible_move_says_so(planform):
 def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):
     outlines = np.array([slab(a) for a in np.linspace(0, 2.0, 9)])
     bends = np.linspace(0, 2, 9)
-    shapes = ShapeSequence(np.arange(9.0), outlines, np.tile([0.0, 0.12], (9, 1)), bends)
+    tips = np.tile([0.0, 0.12], (9, 1))
+    shapes = ShapeSequence(np.arange(9.0), outlines, tips, bends, tips[:, None])
     quality = [shape_quality(planform, nodes) for nodes in morph_shapes(planform, shapes, 0)]
     angles = [q.max_non_orthogonality_deg for q in quality]
     assert angles[-1] > angles[0] + 1

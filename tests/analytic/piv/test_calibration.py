@@ -10,6 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from docs.evidence.shared_data import shared_data
 from piv.formats.plane_series import UNCERTAIN, VALID, usable
 from piv.images.calibration import (
     Calibration,
@@ -21,7 +22,6 @@ from piv.images.calibration import (
 )
 from piv.images.calibration_target import Target, calibrate_target, find_corners
 from piv.images.open_recording import open_recording, row_to_y_px
-from tests.shared_data import shared_data
 
 MATRIX = np.array([[900.0, 0, 319.5], [0, 900.0, 239.5], [0, 0, 1]])
 BARREL = np.array([-0.25, 0.08, 0.001, -0.0015, 0.0])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from docs.evidence.piv.flows import lamb_oseen, sine
+from docs.evidence.piv.flows import uniform as shift
+from docs.evidence.piv.particles import render
+from docs.evidence.stability import images
 from piv.correlation.pair import correlate_pair
 from piv.sequence.ensemble import correlate_ensemble
 from piv.sequence.multiframe import correlate_frames
-from tests.studies.piv.flows import lamb_oseen, sine
-from tests.studies.piv.flows import uniform as shift
-from tests.studies.piv.particles import render
-from tests.studies.stability import images
 
 SHAPE = (320, 384)
 MIDDLE = (191.5, 159.5)

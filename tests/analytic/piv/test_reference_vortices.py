@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from docs.evidence.shared_data import shared_data
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
-from tests.shared_data import shared_data
 
 # its generator's defaults: circulation 30, core radius 5, centre (64, 192) on 256 points over
 # 0...256, and noise uniform in 0...0.1 on each component

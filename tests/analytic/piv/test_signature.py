@@ -9,7 +9,7 @@ from piv.formats.plane_series import make_plane, read_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.render_recording import render_recording
 from piv.vortices.find import find_vortices
-from tests.analytic.piv.tip_scene import tip_scene
+from tests.tip_scene import tip_scene
 
 
 def test_vortex_of_the_sheet_comes_back_through_images_and_piv(tmp_path):

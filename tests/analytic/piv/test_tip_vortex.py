@@ -6,7 +6,7 @@ import pytest
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from tests.analytic.piv.tip_scene import HALF_WIDTH, tip_scene, young_scene
+from tests.tip_scene import HALF_WIDTH, tip_scene, young_scene
 
 
 @pytest.mark.parametrize("core", [3e-3, 5e-3])

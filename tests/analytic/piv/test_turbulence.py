@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from docs.evidence.piv.particles import render
+from docs.evidence.piv.turbulence import derivatives
+from docs.evidence.piv.turbulence_field import TurbulentPlane
 from piv.correlation.pair import correlate_pair
 from piv.fields.derived import derived
 from piv.formats.plane_series import usable
-from tests.studies.piv.particles import render
-from tests.studies.piv.turbulence import derivatives
-from tests.studies.piv.turbulence_field import TurbulentPlane
 
 SHAPE = (512, 640)
 EDGE = 24

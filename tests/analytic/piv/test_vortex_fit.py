@@ -5,10 +5,10 @@ import pytest
 from scipy import ndimage
 from scipy.special import j1
 
+from docs.evidence.piv.turbulence_field import TurbulentPlane
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
-from tests.studies.piv.turbulence_field import TurbulentPlane
 
 STEP = 8.0
 AXIS_X, AXIS_Y = np.arange(160) * STEP + 16, np.arange(125) * STEP + 16

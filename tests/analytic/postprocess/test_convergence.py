@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.studies.validation.convergence import estimate, least_squares, three_grids
+from docs.evidence.validation.convergence import estimate, least_squares, three_grids
 
 SIZES = np.array([1.0, 1.4, 2.2, 3.0])
 

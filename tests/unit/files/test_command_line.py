@@ -84,7 +84,7 @@ def test_a_defect_keeps_its_traceback():
         guarded("mesh", lambda: {}["a"])
 
 
-COMMANDS = ("run", "stages", "study", "tradeoff", "fea", "predict", "view", "new", "openfoam")
+COMMANDS = ("run", "stages", "study", "tradeoff", "fea", "view", "new", "openfoam")
 
 
 def test_help_names_every_command(capsys):
@@ -110,6 +110,7 @@ def test_every_command_has_a_help(name, capsys):
         (["run", "cases/single_finger", "--set", "mesh.tip_cel=1"], "tip_cell"),
         (["run", "cases/single_finger", "--name", "x"], "--name needs --set"),
         (["new", "cases/single_finger"], "exists already"),
+        (["run", "cases/single_finger", "--hosts", "no.txt"], "--hosts no.txt: no such file"),
     ],
 )
 def test_wrong_words_are_one_sentence(words, part, capsys):

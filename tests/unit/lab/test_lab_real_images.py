@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from docs.evidence.shared_data import shared_data
 from piv.images.calibration import Calibration, save_calibration
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import LabRecording
 from postprocess.lab.silhouette import integral_image, learn
 from tests.lab_scene import inside_sum
-from tests.shared_data import shared_data
 
 TOML = """format = "dpiv"
 format_version = 4

@@ -9,16 +9,17 @@ import h5py
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.correlation.options import Options
 from piv.formats.recording import RecordingWriter
 from piv.images.open_recording import open_recording
 from piv.images.part_of_recording import part_of_recording
 from piv.images.recording import Recording
 from piv.sequence.chunks import chunk_path, join, parts_of
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (64, 80)
 FRAMES = 12

@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv import open_recording, open_vectors
 from piv.foreign.read import in_px
 from piv.formats.plane_series import make_plane, provenance, write_plane
@@ -11,8 +13,6 @@ from piv.images.clock import frame_times, set_clock
 from piv.images.open_recording import PAIRINGS
 from piv.sequence.sequence import alternating
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 NEIGHBOURS, COUPLES = PAIRINGS
 

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.correlation.options import Options, OptionWords
 from piv.correlation.pair import correlate_pair
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import UNCERTAIN, check_plane
 from piv.sequence.ensemble import correlate_ensemble
 from piv.sequence.multiframe import correlate_frames
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (256, 320)
 

@@ -13,7 +13,8 @@ from piv.correlation.options import Options
 from piv.formats.recording import RecordingWriter
 from piv.images import recording as recording_of_frames
 from piv.images.open_recording import open_recording, pairs
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 
 
 def frames(n=5, shape=(40, 50), top=4096, seed=0):
@@ -177,9 +178,15 @@ def named(folder, *names):
 
 
 @pytest.mark.parametrize("glob", ["", "*.tif"])
-def test_a_missing_frame_is_noticed(tmp_path, glob):
+def test_a_missing_frame_keeps_its_place_and_many_are_refused(tmp_path, glob):
     named(tmp_path, *(f"f{k:03d}.tif" for k in (1, 2, 4, 5, 6)))
-    words = r"f002\.tif: a frame is missing between it and f004\.tif"
+    recording = open_recording(str(tmp_path / glob))
+    assert (len(recording), recording.missing) == (6, {2})
+    with pytest.raises(ValueError, match=r"f003\.tif: this picture is missing") as error:
+        recording.frame(2)
+    assert one_sentence(error)
+    named(tmp_path, *(f"f{k:03d}.tif" for k in (901, 902, 903)))
+    words = r"f006\.tif: 894 are missing between it and f901\.tif"
     with pytest.raises(ValueError, match=words) as error:
         open_recording(str(tmp_path / glob))
     assert one_sentence(error)

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv import open_recording, part_of_recording
 from piv.__main__ import main
 from piv.formats.plane_series import read_plane
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (128, 160)
 

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.summary import summary
@@ -12,10 +14,9 @@ from piv.formats.plane_series import read_plane
 from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.frame_sets import SequenceOptions
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 
 def particles(shape=(512, 640), seed=0, density=0.04):

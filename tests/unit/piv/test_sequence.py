@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.particles import render
 from piv.commands.correlate import make
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
@@ -15,11 +17,10 @@ from piv.formats.plane_series import read_plane
 from piv.formats.recording import RecordingWriter
 from piv.formats.resumable import SeriesWriter
 from piv.images.open_recording import open_recording
+from piv.sequence.frame_sets import SequenceOptions
 from piv.sequence.multiframe import correlate_frames
-from piv.sequence.sequence import SequenceOptions, correlate_recording
+from piv.sequence.sequence import correlate_recording
 from tests.piv_command import made, piv
-from tests.studies.piv.flows import uniform
-from tests.studies.piv.particles import render
 
 SHAPE = (96, 128)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from docs.evidence.piv.particles import render
 from piv import VortexSettings, open_recording, part_of_recording
 from piv.commands.correlate import make as make_vectors
 from piv.foreign.read import in_px
@@ -18,7 +19,6 @@ from piv.view.regions import write_regions
 from piv.view.scene import open_scene
 from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from tests.studies.piv.particles import render
 from tests.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 

@@ -27,7 +27,7 @@ def test_statistics_then_their_derivatives_and_pictures(file, tmp_path, capsys):
     assert piv("stats", file, "-o", tmp_path / "mean.h5") == 0
     said = capsys.readouterr().out
     assert "1 field of 16 x 12 vectors, 100.0% valid" in said
-    assert "80 of 80 instants used, n = 80 to 80" in said
+    assert "means over 80 of 80 instants, 80 to 80 usable vectors at a point" in said
     with read_plane(tmp_path / "mean.h5") as mean:
         # of a sine over whole periods: mean zero, mean square half
         np.testing.assert_allclose(mean["u"], 0, atol=1e-12)

@@ -10,12 +10,14 @@ from postprocess.report.wording import power_sentence
 from tests.conftest import ROOT
 
 TABLE = """# {"format": "tradeoff"}
-run,level,kind,cells,error,error_circulation,error_centre,error_velocity,error_force,error_dorsal,error_near_tip,reference
-fine,fine,flow,600000,0.06,0.03,0.06,0.02,0.04,
-smoke,smoke,flow,3000,1.718,0.88,0.2,0.19,1.718,,,medium
-draft,draft,flow,30000,0.142,0.142,0.1,0.04,0.08,
-dorsal,dorsal,flow,30000,0.142,0.142,0.1,0.04,0.08,0.02,0.3
-piv,draft,piv,30000,0.02,0.02,0.01,0.006,,
+run,start_s,end_s,reference,error_circulation,error_centre,error_near_tip,error_force,error
+fine,0.1,0.2,,0.03,0.06,0.05,0.04,0.06
+fine,0.2,0.4,,0.05,0.07,0.09,0.04,0.09
+smoke,0.1,0.2,fine,0.88,0.2,0.7,1.718,1.718
+draft,0.1,0.2,fine,0.142,0.1,0.12,0.08,0.142
+draft,0.2,0.3,fine,0.2,0.1,0.25,0.08,0.25
+draft,0.3,0.4,fine,,,0.4,0.1,
+coarse,0.1,0.2,fine,0.1,0.1,0.1,0.08,0.1
 """
 
 
@@ -23,46 +25,62 @@ piv,draft,piv,30000,0.02,0.02,0.01,0.006,,
 def scene(tmp_path):
     folder = tmp_path / "finger"
     (folder / "studies" / "results").mkdir(parents=True)
-    (folder / "studies" / "results" / "tradeoff.csv").write_text(TABLE)
+    (folder / "studies" / "results" / "errors.csv").write_text(TABLE)
     return folder
+
+
+def plain(text):
+    return text.replace("\u00a0", " ")
 
 
 @pytest.mark.parametrize(
     "level, part",
     [
-        ("draft", "Level draft errs by 14.2 % at worst (circulation of the tip vortex)"),
-        ("draft", "force on the finger 8.0 %"),
-        ("draft", "against level fine, the finest that was run,"),
-        ("draft", "whose own error is estimated at 6.0 %"),
-        ("dorsal", "circulation on the dorsal side of the tip 2.0 %"),
-        ("dorsal", "Within two tip widths of the tip its velocity errs by 30"),
-        ("fine", "extrapolated from the level below"),
+        ("draft", "Level draft errs by at most 14.2 % until 0.200 s, 25.0 % until 0.300 s"),
+        ("draft", "against level fine, the finest whole stroke that was run,"),
+        ("draft", "whose own error is estimated at 9.0 % at most"),
+        ("fine", "extrapolated from the two levels below"),
     ],
 )
 def test_a_level_errs_as_the_trade_off_measured(scene, level, part):
-    sentence, trial = level_error([scene], level)
-    assert part in sentence.replace("\u00a0", " ")
-    assert trial == ""
+    error = level_error([scene], level)
+    assert part in plain(error.sentence)
+    assert error.trial == ""
 
 
-def test_a_run_of_the_family_of_grids_judges_where_it_is_the_finest(scene):
-    path = scene / "studies" / "results" / "tradeoff.csv"
-    path.write_text(TABLE + "grid_reference,reference,grid,1700000,0.04,0.04,0.03,0.02,0.02,\n")
-    sentence, _ = level_error([scene], "draft")
-    assert "against level reference, the finest that was run" in sentence
-    assert "estimated at 4.0\u00a0%" in sentence
+def test_the_page_has_every_error_with_its_window(scene):
+    names, rows = level_error([scene], "draft").table
+    assert names[2] == "velocity within two tip widths of the tip"
+    assert [window for window, _ in rows] == ["0.100 to 0.200", "0.200 to 0.300", "0.300 to 0.400"]
+    assert [plain(value) for value in rows[2][1]] == ["–", "–", "40.0 %", "10.0 %"]
+
+
+def test_numbers_end_where_a_vortex_is_lost_an_error_is_large_or_nothing_was_measured(scene):
+    assert level_error([scene], "draft").end == 0.3
+    assert level_error([scene], "coarse").end == 0.2
+    path = scene / "studies" / "results" / "errors.csv"
+    path.write_text(TABLE.replace("0.08,0.25", "0.26,0.26"))
+    assert level_error([scene], "draft").end == 0.2
+
+
+def test_another_scene_has_the_windows_at_the_pace_of_its_own_stroke(scene, tmp_path):
+    error = level_error([tmp_path / "child", scene], "draft", (0.2, 0.4))
+    assert error.end == pytest.approx(0.6)
+    assert error.table[1][0][0] == "0.200 to 0.400"
+    assert "was not measured for this scene" in error.sentence
 
 
 def test_smoke_is_a_trial_also_of_a_scene_that_extends_the_measured_one(scene, tmp_path):
-    sentence, trial = level_error([tmp_path / "child", scene], "smoke")
-    assert sentence.endswith(": against level medium, on scene finger.")
-    assert trial.endswith("wrong by up to 172\u00a0% on scene finger")
+    error = level_error([tmp_path / "child", scene], "smoke")
+    assert error.sentence.endswith(", on scene finger.")
+    assert error.trial.endswith("wrong by up to 172\u00a0% on scene finger")
 
 
 def test_an_error_that_was_not_measured_is_said(scene):
-    sentence, trial = level_error([scene], "medium")
-    assert f"was not measured for this scene (softfinger tradeoff {scene} measures it" in sentence
-    assert trial == ""
+    error = level_error([scene], "medium")
+    words = f"was not measured for this scene (softfinger tradeoff {scene} measures it"
+    assert words in error.sentence
+    assert (error.trial, error.table, error.end) == ("", None, None)
 
 
 def test_the_power_balance_in_short():

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from docs.evidence.sources import present, recorded
 from pipeline.runs import run as runs
 from pipeline.runs.run import Run
 from pipeline.runs.sources import sources_digest
 from pipeline.runs.stages import BY_NAME
 from piv.files.record import write_record
 from tests.conftest import ROOT, write_scene
-from tests.studies.sources import present, recorded
 
 MEASURES = "postprocess/compare/quantities.py"
 FORMULA = 'lambda p: float(_dominant(p)["tip_distance"].mean())'
@@ -83,6 +83,6 @@ def test_a_doubled_formula_makes_the_comparison_stale(
 def test_where_results_outlive_a_change_of_code_someone_has_looked() -> None:
     """Where their results differ, raise the stage's version in pipeline/runs/stages.py.
 
-    Then, or where they are the same: python -m tests.studies.sources STAGE ...
+    Then, or where they are the same: python -m docs.evidence.sources STAGE ...
     """
     assert present() == recorded()

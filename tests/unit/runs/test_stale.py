@@ -38,7 +38,7 @@ EXPECTED = {
         ("sheet.thickness camera", OF_IMAGES),
         ("piv", OF_PIV),
         ("vortices", ["vortices_cfd", "vortices_piv", *PAGE]),
-        ("structure.bending_stiffness structure.damping", ["loads", "figures", "report"]),
+        ("structure.bending_stiffness structure.loss_factor", ["loads", "figures", "report"]),
         # of coupled runs alone; make fea's result is a file of the motion
         ("structure actuator fea", []),
     )

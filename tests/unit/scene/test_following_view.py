@@ -9,7 +9,7 @@ from pipeline.kinematics.camera_window import TipPath
 from pipeline.runs.run import open_run
 from pipeline.scene.limits import field_count
 from piv.files.errors import StageError
-from piv.sequence.sequence import SequenceOptions, frame_sets
+from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from softfinger.make import Machine, make
 from tests.conftest import ROOT, motion_of, write_scene
 

@@ -4,13 +4,13 @@ import tomllib
 
 import pytest
 
+from docs.evidence.reference import FOLDER, PAGES
 from pipeline.scene.key_reference import MISSING
 from piv.files.errors import StageError
 from postprocess.lab.dpiv_toml import KEYS as DPIV_KEYS
 from postprocess.lab.dpiv_toml import dpiv_template, read_dpiv
 from softfinger import scene_reference
 from tests.conftest import write_scene
-from tests.studies.reference import FOLDER, PAGES
 
 KEYS = [*scene_reference.keys(), *DPIV_KEYS]
 TEMPLATES = scene_reference.scene_template(), dpiv_template(None)
@@ -25,7 +25,7 @@ BARE = {
 @pytest.mark.parametrize("name", PAGES)
 def test_the_page_is_what_the_models_say(name):
     written = (FOLDER / name).read_text(encoding="utf-8")
-    assert written == PAGES[name](), "run: python -m tests.studies.reference"
+    assert written == PAGES[name](), "run: python -m docs.evidence.reference"
 
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.name)

@@ -49,6 +49,7 @@ NONSENSE = [
     ("[mesh]\ntip_transition = 5e-324", ["mesh.tip_transition", "thousandth"]),
     (SMALL, ["cells in", "GB of memory", "times larger"]),
     ("[mesh]\nnear_distance = 50.0", ["mesh.near_distance", "more than the tank"]),
+    ("[mesh]\nnear_offset = [0.0, 50.0]", ["mesh.near_offset", "more than the tank"]),
     ("[mesh]\nedge_layer = 1.0", ["mesh.edge_layer", "finger's width"]),
     ("[tank]\nsize = [19.0, 0.33, 0.3]", ["tank.size", "millimetres", "at most 1 and 5"]),
     ("[finger]\nlength = 70.0", ["millimetres"]),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipeline.openfoam.case_folder import Case, collated_content
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.displacement_files import checkpoint_steps
 from pipeline.openfoam.foamfile import END, write_bytes
 from pipeline.solve.checkpoint import (
@@ -77,24 +77,6 @@ def test_all_ranks_must_have_written_it(tmp_path):
     assert last_checkpoint(Case(tmp_path)) is None
 
 
-@pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
-def test_collated_files_need_every_rank_s_block(tmp_path, name):
-    case = Case(tmp_path, 3, collated=True)
-    folder = tmp_path / "processors3"
-    record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
-    for time in ("0.01", "0.02"):
-        for field in (*FIELDS, *MOVED, *MORE):
-            if field == "uniform/time":  # the master writes it for all
-                write_bytes(folder / time / field, b"index 2;" + END)
-            else:
-                write_bytes(folder / time / field, collated_content(field, [b"1", b"(2)", b"3"]))
-    assert last_checkpoint(case) == (0.02, "0.02")
-    path = folder / "0.02" / name
-    path.write_bytes(path.read_bytes()[:-3])
-    assert last_checkpoint(case) == (0.01, "0.01")
-    assert last_checkpoint(Case(tmp_path, 2, collated=True)) is None
-
-
 def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_path):
     first = record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04, 0.05])
     second = record(tmp_path, "0.03", [])
@@ -107,9 +89,9 @@ def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_pat
     assert sampled_until(tmp_path) == 0.0
 
 
-@pytest.mark.parametrize("layout", [(1, False), (2, False), (2, True)])
-def test_a_resumed_run_starts_at_its_time_with_all_digits(tmp_path, layout):
-    case = Case(tmp_path, *layout)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_resumed_run_starts_at_its_time_with_all_digits(tmp_path, ranks):
+    case = Case(tmp_path, ranks)
     reached = "0.340000000000000246"  # the sum of 340 steps of 1 ms
     files = [folder / "0.34" / "uniform" / "time" for folder in case.folders]
     for path in files:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.formats.records import LOSSES
 from pipeline.scene.predicted import estimated_cells
 from pipeline.scene.scene import load_scene
 from pipeline.solve.guards import (
@@ -17,8 +18,11 @@ from pipeline.solve.guards import (
     Guard,
     check_courant,
     energy_budget,
+    power_warning,
 )
+from pipeline.solve.power import power_balance
 from pipeline.solve.solver import LOG, Watchdog, failed
+from piv.files.errors import StageError
 from tests.conftest import ROOT, write_scene
 
 STEP = (
@@ -145,6 +149,31 @@ def test_an_impulsive_start_of_the_wall_is_allowed(sudden):
     energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
     assert (budget.add(2e-3, 0.0, energy, 0.0) is None) == sudden
     assert budget.add(20e-3, 0.0, 2 * energy, 0.0) is not None  # no jump of the wall
+
+
+def test_unexplained_power_is_warned_of_and_then_refused():
+    """Of an impulsive start the work is not sampled: it is warned of, and goes on."""
+    steps = np.arange(41) * 1e-3
+    smooth, sudden = (
+        energy_budget(square()[None] + np.stack([way, 0 * steps], -1)[:, None], steps, 0.03, 1000.0)
+        for way in (0.3 * steps**3 / steps[-1] ** 2, 0.3 * steps)
+    )
+    assert power_warning(0.05, [smooth], 1e-3) == ""
+    assert "6 % of the power" in power_warning(0.06, [smooth], 1e-3)
+    assert "lower numerics.time_step = 0.01" in power_warning(0.4, [sudden], 0.01)
+    with pytest.raises(StageError, match="16 % of the power that"):
+        power_warning(0.16, [smooth], 1e-3)
+
+
+def test_the_share_of_unexplained_power_is_of_what_is_exchanged():
+    """A body that swings gives and takes: its net work is near zero, its share is not infinite."""
+    time = np.linspace(0.01, 1.0, 100)
+    power = np.sin(2 * np.pi * time)  # W; it exchanges 2/pi J in a period, and no net work
+    table = np.column_stack([time, power, np.full(100, 0.01), 0 * time])
+    terms = np.column_stack([time, np.zeros((100, len(LOSSES)))])
+    balance = power_balance(table, terms)
+    assert balance["unexplained_share"] == pytest.approx(0.01 * np.pi / 2, rel=1e-2)  # trapezia
+    assert abs(balance["unexplained_fraction"]) > 1  # of the net work
 
 
 def sampled(folder, rows, part="0"):

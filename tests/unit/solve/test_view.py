@@ -8,7 +8,6 @@ import pytest
 import pyvista as pv
 
 from pipeline.formats.mesh_intervals import read_intervals, read_sweep
-from pipeline.openfoam.case_folder import collated_content
 from pipeline.openfoam.foamfile import binary_list, header, write_bytes, write_field
 from pipeline.paraview.command import write_series
 from pipeline.paraview.fields import RunFields
@@ -28,7 +27,7 @@ PRESSURE = 2.5  # m²/s²
 
 
 def write_fields(scene, mesh, time: float, layout: str) -> None:
-    """A solid-body turn about z and a constant pressure; `layout`: one rank, two, or collated."""
+    """A solid-body turn about z and a constant pressure; `layout`: one rank, or two."""
     case, name = scene.out / "case" / mesh.interval.name, f"{time:g}"
     cells = swept_cells(mesh, time)
     centre = cells.centre[cells.column]
@@ -49,13 +48,9 @@ def write_fields(scene, mesh, time: float, layout: str) -> None:
             write_field(path, templates / field, values[labels])
             parts.setdefault(f"{name}/{field}", []).append(path.read_bytes())
     for file, contents in parts.items():
-        if layout == "collated":
-            block = collated_content(file.rpartition("/")[2], contents)
-            write_bytes(case / "processors2" / file, block)
-        for rank, content in enumerate(contents if layout == "two" else ()):
+        for rank, content in enumerate(contents):
             write_bytes(case / f"processor{rank}" / file, content)
-    state = '{"ranks": 2, "mesh": 0' + (', "collated": true}' if layout == "collated" else "}")
-    (case / "state.json").write_text(state)
+    (case / "state.json").write_text('{"ranks": 2, "mesh": 0}')
 
 
 def shown(folder, part: str = "water") -> list[tuple[float, pv.UnstructuredGrid]]:
@@ -74,9 +69,9 @@ def closing(tmp_path_factory):
     scene = prepare(write_scene(folder, "quarter", CLOSING, parent="pinch"))
     meshes = meshes_of(scene)
     assert len(meshes) > 1
-    layouts = ("one", "two", "collated")
+    layouts = ("one", "two")
     for k, mesh in enumerate(meshes):
-        write_fields(scene, mesh, round(mesh.interval.end, 8), layouts[k % 3])
+        write_fields(scene, mesh, round(mesh.interval.end, 8), layouts[k % 2])
     # the interval before has this instant too
     write_fields(scene, meshes[1], round(meshes[1].interval.start, 8), layouts[1])
     return scene

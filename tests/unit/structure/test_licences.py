@@ -34,7 +34,7 @@ def test_every_package_is_locked_with_its_hash():
     for lock in LOCKS.values():
         packages = re.split(r"(?m)^(?=[A-Za-z0-9_.-]+==)", (ROOT / lock).read_text())[1:]
         assert all("--hash=sha256:" in package for package in packages)
-    for path in ("Makefile", "pipeline/setup.sh"):
+    for path in ("Makefile", "softfinger/setup.sh"):
         text = (ROOT / path).read_text().replace("\\\n", " ")
         installs = [line for line in text.splitlines() if "pip install" in line]
         assert installs

@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 
 from pipeline.formats.bending_states import States, read
+from pipeline.formats.finger_loads import motion_sentence, read_loads
+from pipeline.kinematics import stage as kinematics
+from pipeline.scene.scene import load_scene
+from pipeline.structure import motion, stage
 from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import Surroundings
+from tests.conftest import ROOT
 
 STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
@@ -29,7 +34,7 @@ def test_no_force_and_no_moment_is_lost():
     pressure = np.array([2e4])
     still = np.zeros((1, chain.slices))
     water = Surroundings()
-    finger = ElasticFinger(chain, None, np.eye(2), np.zeros(2), water, water, True)
+    finger = ElasticFinger(chain, None, np.eye(2), np.zeros(2), water, water, water, True)
     posed = Posed(finger, 2e4, still[0])
     at = posed.placed
     profile = chain.profile(pressure, still)[0]
@@ -57,3 +62,21 @@ def test_given_stiffness_takes_the_place_of_the_analysis():
     plain = States(STATES.pressure, STATES.profile, STATES.thickness)
     assert bending_law(plain, None) is None
     assert bending_law(plain, 1e-3).rubber_mass == 0
+
+
+def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path, monkeypatch):
+    """As f90's in the heavy water of a plane, which ended the run without a page."""
+    scene = load_scene(ROOT / "cases/single_finger", "smoke", {"motion.end_time": 0.1}, tmp_path)
+    kinematics.run(scene, quiet=True)
+    monkeypatch.setattr(stage, "_measured_loads", lambda *_: {"time": np.zeros(2)})
+    monkeypatch.setattr(motion, "LARGEST_SHARE", 1e-3)
+    stage.run(scene, quiet=True)
+    found = read_loads(tmp_path / "loads.h5")
+    assert "bears a moment far beyond the table" in found.attrs["unknown"]
+    assert "bend_in_water" not in found
+    coupled = dict(found.attrs) | {
+        "coupled": 1, "first_order": 0, "tip_change": 0.0, "open_energy": 0.0, "moment_share": 1.0,
+        "contact_force": 0.0,
+    }  # fmt: skip
+    assert "make the finger's motion together" in motion_sentence(coupled)
+    assert motion_sentence(coupled).endswith(str(found.attrs["unknown"]))

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from tests.studies.validation.checks import Check, Result, write_result
-from tests.studies.validation.cylinders import cycle_of, history_integral, morison
-from tests.studies.validation.ledger import write_ledger
+from docs.evidence.validation.checks import Check, Result, write_result
+from docs.evidence.validation.cylinders import cycle_of, history_integral, morison
+from docs.evidence.validation.ledger import write_ledger
 
 
 def check(result, how="relative", reference=2.0, **more):

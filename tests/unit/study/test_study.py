@@ -100,7 +100,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
         ("a, tiny, solve, 0, , , , \n", "ranks = '0'"),
         ("a, tiny, dance, 1, , , , \n", "until = 'dance'"),
         ("../a, tiny, solve, 1, , , , \n", "run = '../a'"),
-        ("a, tiny, solve, 1, , , , \na, tiny, run, 1, , , , \n", "occurs twice"),
+        ("a, tiny, solve, 1, , , , \na, tiny, solve, 1, , , , \n", "occurs twice"),
         ("", "no rows"),
         ("a, tiny, solve, 1, , , 4d, \n", "run a: "),
         ("a, tiny, solve, 1, , 3e-4, , \n", "numerics.time_step"),
@@ -172,7 +172,7 @@ def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
 
 
 def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:
-    monkeypatch.setattr(program, "_snakemake", lambda *_, **__: 3)
+    monkeypatch.setattr(program, "schedule", lambda *_: 3)
     with pytest.raises(SystemExit) as end:
         program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
     assert end.value.code == 3

@@ -1,4 +1,4 @@
-"""Modules of tests/studies run for hours and seldom: each is at least imported here."""
+"""Modules of docs/evidence run for hours and seldom: each is at least imported here."""
 
 from importlib import import_module
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 MODULES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    for path in sorted((ROOT / "tests" / "studies").rglob("*.py"))
+    for path in sorted((ROOT / "docs" / "evidence").rglob("*.py"))
     if path.stem != "peers"  # peers: other programs, installed by bench-piv
 ]
 

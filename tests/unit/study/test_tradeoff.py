@@ -1,6 +1,7 @@
 """What accuracy costs: the front, errors of known size, and the choice by accuracy or by time."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -9,27 +10,33 @@ import pytest
 from pipeline.formats.records import RUN
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
+from postprocess.report.trust import level_error
 from softfinger.study.accuracy import (
     Setting,
     choose,
     parse_accuracy,
-    parse_budget,
+    parse_time,
     predicted_time,
     read_results,
     reference_warning,
     results_of,
     study_table,
 )
-from softfinger.study.errors import dorsal_error, force_error, own_errors, vortex_errors, worst
-from softfinger.study.plan import Row
+from softfinger.study.errors import (
+    force_error,
+    own_errors,
+    stroke_windows,
+    vortex_errors,
+    worst,
+)
 from softfinger.study.tradeoff import finest, front, write_results
 from tests.conftest import ROOT
 
 SINGLE = ROOT / "cases" / "single_finger"
 SETTINGS = [
-    Setting(Row("draft", "draft"), 0.2, {"run": 40.0, "mesh": 5.0}),
-    Setting(Row("coarse", "coarse"), 0.04, {"run": 300.0, "mesh": 10.0}),
-    Setting(Row("fine", "fine"), 0.01, {"run": 5000.0, "mesh": 60.0}),
+    Setting("draft", 1, {0.1: 0.2, 0.2: 0.4}, {"solve": 40.0, "mesh": 5.0}),
+    Setting("coarse", 1, {0.1: 0.04, 0.2: 0.1}, {"solve": 300.0, "mesh": 10.0}),
+    Setting("fine", 1, {0.1: 0.01, 0.2: 0.03}, {"solve": 5000.0, "mesh": 60.0}),
 ]
 
 
@@ -43,7 +50,9 @@ def test_errors_of_known_size():
     time = np.linspace(0, 0.4, 81)
     reference = pd.DataFrame({"time": time, "fx": np.sin(20 * time), "fy": np.cos(20 * time)})
     other = reference.assign(fx=1.1 * reference["fx"], fy=1.1 * reference["fy"])
-    assert force_error(reference, other) == pytest.approx(0.1, rel=1e-6)
+    other.loc[time > 0.3, ["fx", "fy"]] = 0.0
+    assert force_error(reference, other, (0.1, 0.3)) == pytest.approx(0.1, rel=1e-6)
+    assert force_error(reference, other, (0.31, 0.4)) == pytest.approx(1.0)
     table = pd.DataFrame({"time": time, "x": 0.01 * time, "y": 0.2, "circulation": -0.008})
     table["peak_vorticity"] = -100.0
     moved = table.assign(x=table["x"] + 0.003, y=table["y"] + 0.004, circulation=-0.0088)
@@ -53,17 +62,17 @@ def test_errors_of_known_size():
     assert errors["error_centre_mm"] == pytest.approx(5.0)
     # 5 mm of a tip of 20
     assert worst(errors | {"error_velocity": 0.05}) == {"error": pytest.approx(0.25)}
+    assert worst(errors | {"error_near_tip": 0.4}) == {"error": 0.4}
     assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
     assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
 
 
-def test_the_error_of_the_dorsal_circulation_leaves_out_its_prescribed_part():
-    """The finger's surface gives two thirds of it on every grid, which would hide any error."""
-    columns = {"time": [0.1, 0.2], "circulation": [-6e-3, -9e-3], "of_water": [-2e-3, -3e-3]}
-    reference = pd.DataFrame(columns)
-    other = pd.DataFrame({"time": [0.1, 0.15, 0.2], "circulation": [-6.2e-3, -7.75e-3, -9.3e-3]})
-    assert dorsal_error(reference, other) == pytest.approx(0.1)
+def test_windows_are_the_middle_of_the_stroke_and_three_parts_of_the_rest():
+    assert stroke_windows((0.1, 0.16), 0.4) == [
+        (0.1, 0.16), pytest.approx((0.16, 0.24)), pytest.approx((0.24, 0.32)),
+        pytest.approx((0.32, 0.4)),
+    ]  # fmt: skip
 
 
 def own_scene(folder, text):
@@ -93,21 +102,52 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
     assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
 
 
-def test_a_turbulence_model_is_no_setting_of_accuracy():
+def test_no_level_is_chosen_whose_page_then_states_a_larger_error():
     settings, _ = read_results(SINGLE / "studies" / "results" / "tradeoff.csv")
-    assert len(settings) >= 4  # a level each, from smoke to medium
-    assert not any("fluid.turbulence" in setting.row.overrides for setting in settings)
+    errors = pd.read_csv(SINGLE / "studies" / "results" / "errors.csv", comment="#")
+    assert {"draft", "coarse", "medium"} <= {setting.level for setting in settings}
+    times, refused = [sum(setting.seconds.values()) for setting in settings], 0
+    for until in (np.inf, *(errors["start_s"].unique() + 1e-3)):
+        for most in np.geomspace(0.01, 2.0, 100):
+            try:
+                level = settings[choose(settings, times, most, None, until)].level
+            except StageError:
+                refused += 1
+                continue
+            _, windows = level_error([SINGLE], level).table
+            stated = [
+                float(error.partition("\u00a0")[0]) / 100
+                for window, row in windows
+                if float(window.partition(" ")[0]) < until
+                for error in row
+            ]
+            assert max(stated) <= most + 5e-4, (level, most, until)  # the page has a tenth of a %
+    assert 0 < refused < 500
 
 
 def test_the_cheapest_accurate_setting_and_the_best_in_time():
     times = [45.0, 310.0, 5060.0]
-    assert choose(SETTINGS, times, 0.05, None) == 1
-    assert choose(SETTINGS, times, 0.3, None) == 0
+    assert choose(SETTINGS, times, 0.1, None) == 1
+    assert choose(SETTINGS, times, 0.05, None) == 2
+    assert choose(SETTINGS, times, 0.05, None, until=0.2) == 1
+    assert choose(SETTINGS, times, 0.05, None, until=0.05) == 1  # before all windows: the first
+    assert choose(SETTINGS, times, 0.5, None) == 0
     assert choose(SETTINGS, times, None, 600.0) == 1
-    with pytest.raises(StageError, match=r"the best, fine, is within 1 %"):
+    with pytest.raises(StageError, match=r"the best, fine, is within 3 %"):
         choose(SETTINGS, times, 0.001, None)
     with pytest.raises(StageError, match="the fastest, draft, takes 45 s"):
         choose(SETTINGS, times, None, 10.0)
+
+
+def test_a_vortex_that_was_not_found_makes_an_error_unbounded(tmp_path):
+    path = tmp_path / "tradeoff.csv"
+    write_results(path, *results(), "medium", {"solver": 0.5, "images": 0.2})
+    errors = pd.read_csv(path.with_name("errors.csv"), comment="#")
+    lost = errors.assign(error=errors["error"].where(errors["start_s"] < 0.2))
+    write_results(path, results()[0], lost, "medium", {"solver": 0.5, "images": 0.2})
+    settings, _ = read_results(path)
+    assert settings[0].error(until=0.2) == 0.1
+    assert settings[0].error() == np.inf
 
 
 def test_a_machine_of_half_the_speed_takes_twice_as_long():
@@ -119,13 +159,16 @@ def test_a_machine_of_half_the_speed_takes_twice_as_long():
 def test_accuracy_and_budget():
     for text, value in (("5%", 0.05), ("0.05", 0.05), (" 2.5 %", 0.025)):
         assert parse_accuracy(text) == pytest.approx(value)
-    for text, value in (("10min", 600), ("2h", 7200), ("90s", 90)):
-        assert parse_budget(text) == value
+    for text, value in (("10min", 600), ("2h", 7200), ("0.2s", 0.2)):
+        assert parse_time(text, "BUDGET") == value
 
 
 @pytest.mark.parametrize(
     "read, texts",
-    [(parse_accuracy, ("five", "500%", "0.0.5")), (parse_budget, ("10", "0min", "1 year", ".min"))],
+    [
+        (parse_accuracy, ("five", "500%", "0.0.5")),
+        (partial(parse_time, key="--until"), ("10", "0min", "1 year", ".min")),
+    ],
 )
 def test_invalid_accuracies_and_budgets_are_refused(read, texts):
     for text in texts:
@@ -133,32 +176,23 @@ def test_invalid_accuracies_and_budgets_are_refused(read, texts):
             read(text)
 
 
-def results() -> pd.DataFrame:
-    """A table of softfinger.study.tradeoff, of three flow runs and two of PIV."""
-    flow = pd.DataFrame(
+def results(own: float = np.nan) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Tables of softfinger.study.tradeoff; `own`: error of the reference, medium."""
+    table = pd.DataFrame(
         {
-            "run": ["draft", "draft_2d", "medium"], "level": ["draft", "draft", "medium"],
-            "kind": "flow", "ranks": 1, "model.kind": [np.nan, "2d", np.nan],
-            "sheet.rate_hz": [100, 100, np.nan], "cells": [29800, 2846, 259300],
-            "time_step_s": [1e-3, 1e-3, 2.5e-4], "end_time_s": 0.42,
-            "cpu_flow_s": [50.0, 15.0, 2500.0], "peak_memory_MB": 300.0,
-            "error_circulation": [0.1, 0.86, np.nan], "error_dorsal": [0.05, 0.9, np.nan],
-            "error_centre_mm": [0.5, 2.7, np.nan], "error_velocity": [0.02, 0.1, np.nan],
-            "error_force": [0.05, 1.7, np.nan], "error": [0.1, 1.7, np.nan], "tip_width_mm": 16.7,
-            "openfoam": "v1912", "cpu_run_s": [45.0, 9.0, 2500.0], "peak_force_N": 0.07,
-            "circulation_cfd_m2_per_s": [-0.0075, -0.0135, -0.0072],
-            "predict_run_s": [45.0, 9.0, 2500.0], "front": [True, True, False],
+            "run": ["draft", "draft_2d", "medium", "piv"],
+            "level": ["draft", "draft", "medium", "draft"],
+            "kind": ["flow", "flow", "flow", "piv"], "ranks": 1, "error": [0.3, 1.7, own, 0.02],
+            "predict_solve_s": [45.0, 9.0, 2500.0, np.nan],
         }
     )  # fmt: skip
-    piv = pd.DataFrame(
+    errors = pd.DataFrame(
         {
-            "run": ["piv", "piv_fast"], "level": "draft", "kind": "piv", "vectors": [5000, 5000],
-            "cpu_piv_per_field_s": [0.2, 0.1], "error_circulation": [0.01, 0.02],
-            "error_centre_mm": [0.1, 0.1], "error_velocity": [0.004, 0.006],
-            "error": [0.01, 0.02], "front": True,
+            "run": ["draft", "draft", "medium"], "start_s": [0.1, 0.2, 0.1],
+            "error": [0.1, 0.3, own],
         }
     )  # fmt: skip
-    return pd.concat([flow, piv], ignore_index=True)
+    return table, errors
 
 
 def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
@@ -180,34 +214,34 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
 
 
 def test_results_that_can_be_chosen_from(tmp_path):
-    table = results()
-    path = tmp_path / "single_finger.csv"
-    write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
+    path = tmp_path / "tradeoff.csv"
+    write_results(path, *results(), "medium", {"solver": 0.5, "images": 0.2})
     settings, head = read_results(path)
     assert head["probe"] == {"solver": 0.5, "images": 0.2}
-    assert "best_error" not in head  # one level alone does not give it
-    table.loc[table["run"] == "medium", "error"] = 0.06
-    write_results(path, table, "medium", {"solver": 0.5, "images": 0.2})
-    _, head = read_results(path)
+    # the reference has no error, a plane flow is no level, PIV is no flow
+    assert [(s.level, s.errors, s.seconds) for s in settings] == [
+        ("draft", {0.1: 0.1, 0.2: 0.3}, {"solve": 45.0})
+    ]
+    write_results(path, *results(own=0.06), "medium", {"solver": 0.5, "images": 0.2})
+    settings, head = read_results(path)
+    assert [s.level for s in settings] == ["draft", "medium"]
     told = "relative to medium, whose own error is estimated at 6.0%"
     assert told in reference_warning(head, 0.05)
     assert reference_warning(head, 0.07) == ""
-    assert reference_warning({"best": "medium"}, 0.01) == ""  # an older table
-    # the best has no error, PIV is no flow
-    assert [s.row.run for s in settings] == ["draft", "draft_2d"]
-    # the sampling rate of the study is no setting
-    assert settings[1].row.overrides == {"model.kind": "2d"}
-    assert settings[1].seconds == {"run": 9.0}
+    path.with_name("errors.csv").unlink()
+    with pytest.raises(StageError, match=r"errors\.csv: missing; make it anew"):
+        read_results(path)
 
 
-def test_the_finest_finished_run_is_the_reference(tmp_path):
+def test_the_finest_whole_stroke_is_the_reference(tmp_path):
     rows = []
-    sizes = {"draft": (10, 400), "fine": (90, 400), "fine_dt": (90, 800), "gone": (200, 400)}
+    sizes = {"draft": (10, 400), "fine": (90, 400), "fine_dt": (90, 800), "grid_fine": (200, 100)}
     for name, (cells, steps) in (sizes | {"piv": (10, 400)}).items():
         out, until = tmp_path / name, "vortices" if name == "piv" else "vortices_cfd"
         row = {"run": name, "folder": "cases/single_finger", "level": "draft", "until": until}
-        rows.append(row | {"overrides": {}, "out": str(out)})
+        part = {"motion.end_time": 0.17} if name == "grid_fine" else {}
+        rows.append(row | {"overrides": part, "out": str(out)})
         RUN.write(out / "run" / "run.json", {"cells": cells, "steps": steps})
-    assert finest({"runs": rows}, {"gone": "sheet.h5 is not there"}) == "fine_dt"
-    with pytest.raises(ValueError, match="no finished run"):
-        finest({"runs": rows[3:]}, {"gone": "sheet.h5 is not there"})
+    assert finest({"runs": rows}) == "fine_dt"
+    with pytest.raises(ValueError, match="no run of a whole stroke"):
+        finest({"runs": rows[3:]})

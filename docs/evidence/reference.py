@@ -1,0 +1,89 @@
+"""Write docs/reference: the keys of scene.toml and dpiv.toml, and the formats of files.
+
+python -m docs.evidence.reference
+"""
+
+import csv
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+from docs.evidence.small_scene import ROOT
+from pipeline.formats import (
+    bending_states,
+    elastic_motion,
+    finger_loads,
+    kinematics,
+    mesh_intervals,
+    recorded_motion,
+    records,
+)
+from pipeline.scene.key_reference import Key
+from pipeline.scene.read_toml import read_layers
+from piv.files.atomic import write_text
+from piv.files.json_text import flat
+from piv.formats import plane_series, recording, vortex_table
+from postprocess.lab.dpiv_toml import KEYS
+from softfinger.scene_reference import keys
+
+FOLDER = ROOT / "docs" / "reference"
+_MODULES = (
+    plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
+    finger_loads, elastic_motion,
+)  # fmt: skip
+SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
+_TABLES = {
+    "vortices_*.csv": ", ".join(vortex_table.COLUMNS),
+    "run/forces.csv": records.FORCES.header,
+    "run/power.csv": records.POWER.header,
+    "run/power_terms.csv": records.POWER_TERMS.header,
+    "run/history.csv": records.HISTORY.header,
+    "mesh_quality.csv": records.MESH_QUALITY.header,
+}
+_OF_A_KEY = ("key", "type", "unit", "default", "meaning")
+
+
+def formats() -> str:
+    """The variables and attributes of every format."""
+    rows = []
+    for schema in SCHEMAS:
+        declared = [("", v) for v in schema.root] + [("<group>/", v) for v in schema.group]
+        for place, v in declared:
+            dims, meaning = "attribute" if v.dims == "-" else v.dims, "optional: " * v.optional
+            name = f"{schema.format} {schema.version}"
+            rows.append((name, place + v.name, dims, v.units, meaning + v.meaning))
+    rows += [(file, names, "columns", "SI", "") for file, names in _TABLES.items()]
+    return _csv(("format", "name", "dimensions", "unit", "meaning"), rows)
+
+
+def scene_keys() -> str:
+    """The keys of a scene, and the levels of single_finger that set another value."""
+    levels: dict[str, str] = {}
+    for layer in read_layers(ROOT / "cases" / "single_finger" / "scene.toml"):
+        for level, table in layer.levels.items():
+            for name in flat(table):
+                levels[name] = ", ".join(filter(None, (levels.get(name), level)))
+    rows = ((*_cells(key), levels.get(key.name, "")) for key in keys())
+    return _csv((*_OF_A_KEY, "levels"), rows)
+
+
+def dpiv_keys() -> str:
+    """The keys of dpiv.toml."""
+    return _csv(_OF_A_KEY, map(_cells, KEYS))
+
+
+def _cells(key: Key) -> tuple[str, ...]:
+    return key.name, key.type, key.unit, key.default, key.meaning
+
+
+def _csv(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
+    return text.getvalue()
+
+
+PAGES = {"formats.csv": formats, "scene_keys.csv": scene_keys, "dpiv_keys.csv": dpiv_keys}
+
+if __name__ == "__main__":
+    for name, text in PAGES.items():
+        write_text(Path(FOLDER / name), text())

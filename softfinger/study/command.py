@@ -1,0 +1,94 @@
+"""Commands of studies: the runs of a table, scheduled by Snakemake, here or as batch jobs."""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from piv.files.errors import StageError
+from softfinger.options import CORES, SceneFolder, Slurm, SnakemakeFlags, open_scene
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SNAKEMAKE = _PACKAGE.parent / ".venv-study" / "bin" / "snakemake"
+_RETRIES = "5"  # of a job that reaches its time limit; it resumes
+
+
+def study(
+    table: Annotated[Path, Parameter(help="Runs (.csv), as cases/single_finger/studies/x.csv.")],
+    *,
+    scene: Annotated[Path | None, Parameter(help="Another scene than the table's.")] = None,
+    only: Annotated[str, Parameter(help="Names of some of its runs.")] = "",
+    slurm: Slurm = False,
+    snakemake: SnakemakeFlags = "",
+) -> Path:
+    """Make the runs of a table, equal stages once, and tabulate them."""
+    if table.is_dir():
+        raise StageError("give STUDY=table.csv, as cases/single_finger/studies/tradeoff.csv")
+    from piv.files.atomic import write_text
+    from softfinger.study.machine_speed import probe
+    from softfinger.study.plan import plan_study
+    from softfinger.study.rows import read_study
+    from softfinger.study.table import write_table
+
+    home = scene or Path(os.path.relpath(table.parent.parent))
+    chosen = only.replace(",", " ").split()
+    plan = plan_study(home, table.stem, read_study(table), chosen)
+    if not (speed := plan.with_name("probe.json")).exists():
+        write_text(speed, json.dumps(probe()) + "\n")
+    code = schedule(plan, slurm, snakemake)
+    print(f"table: {write_table(plan)}")
+    if code:
+        raise SystemExit(code)
+    return plan
+
+
+def tradeoff(
+    scene: SceneFolder = Path("cases/single_finger"),
+    *,
+    only: Annotated[str, Parameter(help="Names of some of its runs.")] = "",
+) -> None:
+    """Measure the cost of accuracy, which ACCURACY and BUDGET need; hours.
+
+    A scene without a studies/tradeoff.csv takes that of the scene that it extends.
+    """
+    from softfinger.study.accuracy import study_table
+    from softfinger.study.tradeoff import write_tradeoff
+
+    plan = study(study_table(open_scene(scene, "coarse").scene), scene=scene, only=only)
+    write_tradeoff(plan, only.replace(",", " ").split())
+
+
+def job(plan: Path, name: str, stage: str, *, threads: int = 1) -> None:
+    """Make one stage of a run of a plan (Snakemake)."""
+    from softfinger.study.plan import run_job
+
+    run_job(plan, name, stage, threads)
+
+
+def schedule(plan: Path, slurm: bool, flags: str = "") -> int:
+    """Let Snakemake make the jobs of a plan, with `flags` of its own; returns its exit code."""
+    from softfinger.study.plan import clear_records, has_jobs
+
+    if not has_jobs(plan):
+        return 0
+    program = str(_SNAKEMAKE) if _SNAKEMAKE.exists() else shutil.which("snakemake")
+    if program is None:
+        raise StageError("Snakemake is missing; run make .venv-study/.ready, or install it")
+    words = [program, "-s", str(_PACKAGE / "study" / "Snakefile"), *shlex.split(flags)]
+    if slurm:
+        if shutil.which("sbatch") is None:
+            raise StageError("SLURM=1: there is no sbatch here; leave it out, or load Slurm")
+        words += ["--executor", "slurm", "--slurm-requeue", "-j100"]
+        words += [] if "--retries" in words else ["--retries", _RETRIES]
+    else:
+        words += [f"-j{os.environ.get('NP') or CORES}"]
+    words += ["--config", f"plan={plan}", f"python={sys.executable}"]
+    if not {"-n", "--dry-run", "--dryrun"} & set(words):
+        clear_records(plan)
+    return subprocess.run(words, check=False).returncode
