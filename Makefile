@@ -6,7 +6,8 @@ SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
-export $(VALUES)
+TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
+    bench-piv clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
@@ -14,16 +15,22 @@ RUN      := .venv/bin/softfinger
 READY    := .venv/.ready
 STUDY    ?=
 PIP       = $1/bin/python -m pip install -q --disable-pip-version-check --require-hashes -r $2
-SCENES   := $(notdir $(patsubst %/scene.toml,%,$(wildcard cases/*/scene.toml)))
 SWITCHES := $(VALUES) SCENE STUDY DOCS PYTHON WM_PROJECT_DIR MAKEFLAGS
 TYPED    := $(foreach v,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $v))),$v))
-export TYPED
 UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
+# Values are text that make does not expand. Recipes read them from the environment, in quotes.
+$(foreach v,$(filter-out MAKEFLAGS,$(TYPED)),$(eval override $v := $$(value $v)))
+export TYPED SCENE STUDY DOCS $(VALUES)
+
+# A name of another folder could be a command of the shell, or of make, or the name of a target.
+SCENES   := $(filter-out $(TARGETS),$(shell printf '%s\n' cases/*/scene.toml \
+    | LC_ALL=C sed -nE 's|^cases/([A-Za-z0-9_.-]+)/scene\.toml$$|\1|p'))
+OTHERS   := $(filter-out $(SCENES:%=cases/%/scene.toml),$(wildcard cases/*/scene.toml))
+$(if $(OTHERS),$(warning $(OTHERS): left out; rename the folder: A-Z a-z 0-9 _ . - and no target))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup study tradeoff compare fea validate docs test unit lint \
-    test-slurm faults bench-piv clean $(SCENES)
+.PHONY: $(TARGETS) $(SCENES)
 
 help: ## this list
 	@echo "make SCENE            everything from kinematics to report.html; SCENE is one of"
@@ -33,7 +40,7 @@ help: ## this list
 	@echo "    reference (hours)"
 	@echo "    NP=4 MPI ranks"
 	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
-	@echo "    COUPLED=1: pressure and water make the motion together"
+	@echo "    COUPLED=1: pressure and water make the motion together, COUPLED=0: it is prescribed"
 	@echo "    SLURM=1: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-22s%s\n", $$1, $$2}'
@@ -50,19 +57,19 @@ $(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)
 # Anything else: a stage of a scene, or a name that the program answers.
 .DEFAULT:
 	@[ -e $(READY) ] || $(MAKE) --no-print-directory setup
-	@$(RUN) target '$@'
+	@$(RUN) target '$(subst ','\'',$@)'
 
 fea: $(READY) ## bending states of the actuator of SCENE
-	@$(RUN) fea cases/$(SCENE)
+	@$(RUN) fea "cases/$$SCENE"
 
 compare: $(READY) ## SCENE against laboratory data: DPIV=folder
-	@$(RUN) compare cases/$(SCENE)
+	@$(RUN) compare "cases/$$SCENE"
 
 study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv
-	@$(RUN) study "$$STUDY" $(if $(filter command,$(firstword $(origin SCENE))),--scene cases/$(SCENE))
+	@$(RUN) study "$$STUDY" $(if $(filter SCENE,$(TYPED)),--scene "cases/$$SCENE")
 
 tradeoff: .venv-study/.ready ## what accuracy costs (hours): ACCURACY and BUDGET need it
-	@$(RUN) tradeoff cases/$(SCENE)
+	@$(RUN) tradeoff "cases/$$SCENE"
 
 validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
@@ -73,10 +80,10 @@ validate: .venv-study/.ready ## flows of known answer, and convergence: docs/ver
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
 	@$(PY) -m docs.evidence.reference
-	@for scene in $(DOCS); do $(RUN) run cases/$$scene || exit; done
-	@$(PY) -m docs.evidence.pictures $(DOCS)
+	@for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
+	@$(PY) -m docs.evidence.pictures $$DOCS
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
-	@echo "site: $(CURDIR)/site/index.html"
+	@echo "site: $$PWD/site/index.html"
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
@@ -94,7 +101,7 @@ lint: $(READY) ## ruff, mypy and the import rules
 	.venv/bin/lint-imports
 
 test: lint ## the whole test suite
-	$(PY) -m pytest -n $(or $(NP),2) --dist worksteal
+	$(PY) -m pytest -n "$${NP:-2}" --dist worksteal
 
 unit: $(READY) ## the tests that need no OpenFOAM
 	$(PY) -m pytest tests/unit tests/analytic tests/golden

@@ -23,7 +23,7 @@ from softfinger.options import (
     Slurm,
     SnakemakeFlags,
     Switch,
-    open_coupled,
+    open_moved,
     open_scene,
 )
 from softfinger.study.command import job, schedule, study, tradeoff
@@ -32,6 +32,7 @@ _UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its error
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
+_UNTIL = "Last stage: see softfinger stages; with --accuracy: when it no longer counts, as 0.2s."
 app = App(
     "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
 )
@@ -50,7 +51,7 @@ def run(
     name: Annotated[str, Parameter(help="Folder of the results of a run with --set.")] = "",
     ranks: RankCount = DEFAULT_RANKS,
     hosts: Annotated[Path | None, Parameter(help="MPI host file.")] = None,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     accuracy: Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")] = "",
     budget: Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")] = "",
     slurm: Slurm = False,
@@ -63,7 +64,7 @@ def run(
     Parameters
     ----------
     coupled
-        Pressure and water make the motion together.
+        Pressure and water make the motion together, or it is prescribed; absent: as the scene.
     dry_run
         Print what would be made and why; make nothing.
     """
@@ -75,12 +76,13 @@ def run(
     part = until if (accuracy or budget) and until not in TARGETS else ""  # of the stroke
     until = "report" if part else until
     machine = Machine(ranks, min(ranks, CORES), hosts)
-    chosen = {"COUPLED": coupled, "SLURM": slurm, "ACCURACY": accuracy, "BUDGET": budget}
+    chosen: dict[str, Any] = {"COUPLED": coupled is not None, "SLURM": slurm}
+    chosen |= {"ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
     others = {" and ".join(modes[1:]): len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
     others |= {"--hosts": hosts is not None}
     others |= {"LEVEL, which it chooses": bool(accuracy or budget) and level != "coarse"}
-    if not coupled:  # which is one run of its own
+    if coupled is None:  # else it is one run of its own
         others |= {"one stage": until != "report", "--dry-run": dry_run}
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
@@ -95,7 +97,11 @@ def run(
             raise SystemExit(code)
         made = open_scene(scene, level)
     else:
-        made = open_coupled(scene, level) if coupled else open_scene(scene, level, set_, name)
+        made = (
+            open_scene(scene, level, set_, name)
+            if coupled is None
+            else open_moved(scene, level, coupled)
+        )
         if dry_run:
             made.check(until)
             stale = made.stale(until)
@@ -148,7 +154,7 @@ def view(
     level: Level = "coarse",
     ranks: RankCount = DEFAULT_RANKS,
     quiet: Quiet = False,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     whole: Switch = False,
 ) -> None:
     """Write a run as a time series for ParaView.
@@ -156,14 +162,14 @@ def view(
     Parameters
     ----------
     coupled
-        The run in which pressure and water make the motion together.
+        The run in which pressure and water make the motion together, or the prescribed one.
     whole
         Mirror at the planes of symmetry: the whole tank.
     """
     from pipeline.paraview.command import view as write
     from softfinger.make import Machine, make
 
-    made = open_coupled(scene, level) if coupled else open_scene(scene, level)
+    made = open_moved(scene, level, coupled)
     make(made, "solve", Machine(ranks, min(ranks, CORES)), quiet)
     write(made.scene, whole, quiet)
 
@@ -214,12 +220,14 @@ def new(
 @app.command
 def compare(
     scene: SceneFolder,
-    dpiv: Annotated[Path | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml.")] = None,
+    dpiv: Annotated[
+        str | None, Parameter(env_var="DPIV", help="Folder of dpiv.toml; of repeats several.")
+    ] = None,
     *,
     level: Level = "coarse",
     inputs: Annotated[bool, Parameter(help="Vary uncertain inputs.")] = True,
     quick: Switch = False,
-    coupled: Coupled = False,
+    coupled: Coupled = None,
     ranks: RankCount = DEFAULT_RANKS,
     quiet: Quiet = False,
 ) -> None:
@@ -230,7 +238,7 @@ def compare(
     quick
         Compare the motion only; nothing is solved.
     coupled
-        Compare the motion that pressure and water make together.
+        Compare the motion that pressure and water make together, or the prescribed one.
     """
     from softfinger.laboratory import compare_with
     from softfinger.make import Machine
@@ -238,8 +246,9 @@ def compare(
     if dpiv is None:
         raise StageError("give DPIV=folder of dpiv.toml: docs/comparison.md")
     machine = Machine(ranks, min(ranks, CORES))
-    run_ = open_coupled(scene, level) if coupled else open_scene(scene, level)
-    page = compare_with(run_, dpiv, machine, inputs=inputs, quick=quick, quiet=quiet)
+    run_ = open_moved(scene, level, coupled)
+    folders = [Path(dpiv)] if Path(dpiv).exists() else [Path(part) for part in dpiv.split()]
+    page = compare_with(run_, folders, machine, inputs=inputs, quick=quick, quiet=quiet)
     print(f"report: {page.resolve()}")
 
 

@@ -1,53 +1,44 @@
-"""Comparison of a scene with a laboratory's recording."""
+"""Comparison of a scene with a laboratory's recordings."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pipeline.formats.kinematics import Kinematics, read_kinematics
 from pipeline.formats.records import LAB_COMPARISON, RUN
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
-from piv.files.atomic import sha256, write_bytes, write_text
+from piv.files.atomic import write_bytes, write_text
 from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.provenance import versions
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
-from postprocess.lab.check_fit import check_fit, draw_fit
+from postprocess.lab.causes import check_fit, draw_fit
+from postprocess.lab.clock import check_rate, onset
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
-from postprocess.lab.flow import flow_effects, flow_quantities, tables
+from postprocess.lab.flow import flow_effects
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
-from postprocess.lab.load import with_load
+from postprocess.lab.level import level_windows
 from postprocess.lab.motion import (
     Case,
     Effect,
-    along_bend,
-    at_recorded_motion,
-    check_clock,
     difference,
-    motion_quantities,
+    over_bend,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
 from postprocess.lab.register import (
     Known,
     Registration,
+    fit_pictures,
     register,
     stated_registration,
 )
-from postprocess.lab.validation import (
-    AGREES,
-    ValidatedQuantity,
-    joint_level,
-    judged,
-    verdicts,
-)
+from postprocess.lab.summary import compare, summary
 from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
 from softfinger.make import Machine, make, make_sheet
@@ -56,121 +47,96 @@ PLANES = 42  # of a run that varies an input: its effect changes slowly
 TO_SOLVE = ("kinematics", "mesh", "case", "solve")
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
 SEED = 1  # of the registration's samples
-SMOOTHING = 0.01  # s, of a measured pressure: less than the scene's, which makes ramps soft
 MARGIN = 0.008  # m of the sheet beyond the picture
 View = tuple[float, float, float, float]
 
 
 def compare_with(
-    run: Run, folder: Path, machine: Machine, *, inputs: bool, quick: bool, quiet: bool
+    run: Run, folders: list[Path], machine: Machine, *, inputs: bool, quick: bool, quiet: bool
 ) -> Path:
-    """Compare a run with the recording of a dpiv.toml's folder; returns the page.
+    """Compare a run with the recordings of dpiv.toml's folders; returns the page.
 
-    `inputs`: vary the uncertain inputs by runs of their own. `quick`: compare the motion alone, for
-    which nothing is solved. All files are read and the data registered before anything is solved.
+    Several are repeats: each is registered alone, and their mean is compared. `inputs`: vary the
+    uncertain inputs by runs of their own. `quick`: compare the motion alone, for which nothing is
+    solved. All files are read and the data registered before anything is solved.
     """
     from postprocess.lab.page import make_report
 
-    dpiv = read_dpiv(folder)
-    if quick and dpiv.kind == "vectors":
+    dpivs = [read_dpiv(folder) for folder in folders]
+    if quick and any(dpiv.kind == "vectors" for dpiv in dpivs):
         raise StageError("--quick compares the motion, which vectors do not show; leave it out")
     if quick and run.scene.coupled:
         raise StageError("--quick solves nothing, and COUPLED=1 needs a run; leave one of them out")
-    pressure = dpiv.folder / dpiv.pressure_csv if dpiv.pressure_csv else None
-    if pressure is not None and not pressure.is_file():
-        raise StageError(f"{dpiv.folder / NAME}: pressure_csv = {dpiv.pressure_csv}: no such file")
-    scene, lab = run.scene, run.out / "lab" / dpiv.folder.resolve().name
+    scene, labs = run.scene, run.out / "lab"
     beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
+    names = [dpiv.folder.resolve().name for dpiv in dpivs]
+    lab = labs / "+".join(names)
     lab.mkdir(parents=True, exist_ok=True)
     with exclusive(lab):
         make(run, run.motion, machine, quiet)
         motion = scene.motion_folder / "kinematics.h5"
         kinematics = read_kinematics(motion)
-        kinematics = along_bend(kinematics) if scene.coupled else kinematics
-        bend_std = _fea_band(dpiv, kinematics, motion)
-        registration, view = registered(dpiv, kinematics, lab / "registration_refused.png")
-        case = Case(kinematics, registration, bend_std)
-        runs = {}
-        for of in beside if inputs else ():
-            values = of.overrides(scene_numbers(StageFiles(scene)))
-            out = run.out / "inputs" / of.name
-            runs[of.name] = one = open_run(
-                scene.folder, scene.level, dict(run.overrides) | values, out
+        kinematics = over_bend(kinematics) if scene.coupled else kinematics
+        runs = _beside(run, beside if inputs else [], machine)
+        cases, levels = [], level_windows([scene.folder, *scene.parents], _plane(run))
+        for dpiv, name in zip(dpivs, names, strict=True):
+            bend_std = _fea_band(dpiv, kinematics, motion)
+            (labs / name).mkdir(exist_ok=True)
+            seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
+            case = Case(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
+            for of, one in runs.values():
+                changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
+                changed = over_bend(changed) if scene.coupled else changed
+                case.effects.append(Effect(of, *difference(kinematics, changed)))
+            cases.append((dpiv, case, seen[1]))
+        solved = {name: one for name, (_, one) in runs.items()}
+        compared = [
+            compare(
+                dpiv,
+                case if quick else _with_flow(case, run, solved, labs, dpiv, view, machine, quiet),
             )
-            make(one, one.motion, machine, quiet=True)
-            changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
-            case.effects.append(Effect(of, *difference(kinematics, changed)))
-        if not quick:
-            agrees = verdicts(_judged(motion_quantities(case)))["motion"] == AGREES
-            # the water of a plane flow is too heavy
-            if pressure is not None and scene.model.kind != "2d" and not agrees:
-                moved = motion_at(pressure, run, lab / "at_pressure", machine, quiet)
-                case = replace(case, at_pressure=difference(kinematics, moved))
-            case = _with_flow(case, run, runs, lab, dpiv, view, machine, quiet)
-        result, series = compare(case)
-        missing = {"pressure", "duration", *(of.name for of in beside)} - set(runs)
-        result |= {
-            "missing_runs": sorted(missing),
-            "pressure_unused": pressure is not None and case.at_pressure is None,
+            for dpiv, case, view in cases
+        ]
+        result = summary(compared) | {
+            "missing_runs": sorted({"pressure", "duration", *(o.name for o in beside)} - set(runs)),
             "scene": scene.name,
             "level": scene.level,
-            "data": dpiv.title,
+            "plane": _plane(run),
             "numerics": level_error([scene.folder, *scene.parents], scene.level).sentence,
-            "registration": registration.summary(),
-            "provenance": {
-                "versions": versions(*LIBRARIES),
-                "dpiv_sha256": sha256(dpiv.folder / NAME),
-                "seed": SEED,
-                "settings": {"dpiv": dpiv.model_dump(mode="json", exclude={"folder"})},
-            },
         }
+        result["provenance"] |= {"versions": versions(*LIBRARIES), "seed": SEED}
         if not quick:
             solver = RUN.read(run.out / "run" / "run.json").get("versions", {})
             result["provenance"]["versions"] |= solver
             LAB_COMPARISON.write(lab / "comparison.json", result)
-        if series is not None:
-            write_text(lab / "series.csv", series.to_csv(index=False))
+        for each, name in zip(compared, names, strict=True):
+            if each.series is not None:
+                write_text(labs / name / "series.csv", each.series.to_csv(index=False))
         if not quiet:
             for q in result["quantities"]:
                 ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
                 print(f"{q['name']:16s} {q['verdict']:14s} {ratio}")
             print(f"verdict: {result['verdict']}")
         page = lab / ("quick.html" if quick else "report.html")
-        return make_report(page, scene.title, dpiv, case, result, series)
+        return make_report(page, scene.title, compared[0], result)
 
 
-def compare(case: Case) -> tuple[dict[str, Any], pd.DataFrame | None]:
-    """Verdicts, and the flow's series over time (None: only the motion is compared).
-
-    The flow is judged at the recording's own motion, where its effect is known.
-    """
-    case = at_recorded_motion(case)
-    quantities, series = motion_quantities(case), None
-    if case.flow is not None:
-        measured = tables(case, case.flow)
-        quantities += flow_quantities(case, case.flow, measured)
-        series = pd.concat(
-            [t.set_index("time").add_suffix(f"_{name}") for name, t in measured.items()], axis=1
-        ).reset_index()
-    rows, at_pressure = _judged(quantities), None
-    if case.at_pressure is not None:
-        at_pressure = _judged(motion_quantities(replace(case, effects=[]), case.at_pressure))
-    no_load = case.flow.no_load if case.flow else ""
-    about = {"at_pressure": at_pressure, "no_load": no_load, "no_flow": case.no_flow}
-    return {"quantities": rows, **verdicts(rows), **about}, series
+def _plane(run: Run) -> bool:
+    return bool(run.scene.model.kind == "2d")
 
 
-def _judged(quantities: list[ValidatedQuantity]) -> list[dict[str, Any]]:
-    return [judged(q, joint_level(len(quantities))) for q in quantities]
-
-
-def motion_at(path: Path, run: Run, out: Path, machine: Machine, quiet: bool) -> Kinematics:
-    """The motion that the measured pressure of a CSV and the water make, by a coupled run."""
-    values = dict(run.overrides) | {"motion.source": "structure", "motion.strokes": []}
-    values |= {"motion.pressure_csv": str(path.resolve()), "motion.smoothing": SMOOTHING}
-    one = open_run(run.scene.folder, run.scene.level, values, out)
-    make(one, "solve", machine, quiet)
-    return read_kinematics(one.scene.motion_folder / "kinematics.h5")
+def _beside(
+    run: Run, beside: list[Input | Finer], machine: Machine
+) -> dict[str, tuple[Input | Finer, Run]]:
+    """The runs beside the nominal one, by name, with their kinematics made."""
+    runs = {}
+    for of in beside:
+        values = of.overrides(scene_numbers(StageFiles(run.scene)))
+        scene, out = run.scene, run.out / "inputs" / of.name
+        one = open_run(scene.folder, scene.level, dict(run.overrides) | values, out)
+        make(one, one.motion, machine, quiet=True)
+        runs[of.name] = of, one
+    return runs
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:
@@ -195,20 +161,21 @@ def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Regis
             hidden=dpiv.root_hidden_mm * 1e-3,
             light_from=None if light is None else float(np.radians(light)),
             length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+            place=recording.turned,
         )
         try:
-            registration = register(recording, recording.times, kinematics, known, SEED)
+            fit = fit_pictures(recording, recording.times, kinematics, known, SEED)
         except StageError as error:
             raise StageError(f"{path}: {error}") from error
-        check = check_fit(recording, registration, kinematics, known)
         rows, columns = recording.shape
+    check = check_fit(fit, kinematics, known)
     refused.unlink(missing_ok=True)
     if check.refusals:
         write_bytes(refused, draw_fit(check))
         text = f"the registration is refused: {'; also, '.join(check.refusals)}"
         raise StageError(f"{path}: {text}; see {refused}")
-    corners = np.array([[0.0, 0.0], [columns, rows]])
-    return registration, registration.pose.view(corners, MARGIN)
+    registration = register(fit, kinematics, known)
+    return registration, registration.pose.view(np.array([[0.0, 0.0], [columns, rows]]), MARGIN)
 
 
 def _fea_band(dpiv: Dpiv, kinematics: Kinematics, path: Path) -> float:
@@ -219,9 +186,9 @@ def _fea_band(dpiv: Dpiv, kinematics: Kinematics, path: Path) -> float:
     change = np.diff(kinematics.data["shape_bend"].values)
     if not (np.all(change > 0) or np.all(change < 0)):
         raise StageError(
-            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a coupled"
-            " motion or a rigid body, so a recording's bend does not tell the shape; compare a"
-            " scene whose motion.source is 'fea' or 'paper_equations'"
+            f"{path}: shape_bend neither rises nor falls from shape to shape, as of a rigid body,"
+            " so a recording's bend does not tell the shape; compare a scene whose motion.source is"
+            " 'fea' or 'paper_equations', or COUPLED=1"
         )
     if dpiv.finger_geometry == "measured":
         return 0.0
@@ -238,7 +205,7 @@ def _with_flow(
     case: Case,
     run: Run,
     runs: dict[str, Run],
-    lab: Path,
+    labs: Path,
     dpiv: Dpiv,
     view: View,
     machine: Machine,
@@ -246,8 +213,7 @@ def _with_flow(
 ) -> Case:
     """The case with both sides' flows and what the runs change of it; solves what is missing.
 
-    A clock that the water contradicts is refused before the runs beside the nominal one, or the
-    flow is not compared where the motion differs and a run at the measured pressure tells why.
+    A clock that the water contradicts is refused before the runs beside the nominal one.
     """
     make(run, "case", machine, quiet)
     if not quiet:
@@ -257,21 +223,19 @@ def _with_flow(
     make_sheet(run, view, run.out / name, quiet)
     with read_plane(run.out / name) as opened:
         sheet = opened.load()
+    if dpiv.start == "from flow":
+        seen = onset(case.registration, lab_vectors(dpiv), sheet)
+        case = replace(case, registration=seen)
     vortices = run.scene.vortices.model_dump(mode="json")
     known = case.kinematics, case.registration, sheet, vortices
-    sides = both_sides(lab, dpiv, *known, threads=machine.jobs, quiet=quiet)
-    case = check_clock(case, sides, dpiv.folder / NAME)
-    if case.no_flow:
-        return case
-    fluid = run.scene.fluid
-    sides = with_load(sides, case, sheet, fluid.density, fluid.kinematic_viscosity)
+    folder = labs / dpiv.folder.resolve().name
+    sides = both_sides(folder, dpiv, *known, threads=machine.jobs, quiet=quiet)
+    check_rate(case, sides, dpiv.piv.pairing == "1-2,3-4", dpiv.folder / NAME)
     for one in runs.values():
         make(one, "solve", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
     sheets = {of: one.out / name for of, one in runs.items()}
-    return replace(
-        case, flow=sides, effects=flow_effects(case, sides, sheet, sheets, fluid.density)
-    )
+    return replace(case, flow=sides, effects=flow_effects(case, sides, sheet, sheets))
 
 
 def _plan(runs: dict[str, Run], ranks: int) -> str:

@@ -29,6 +29,7 @@ from piv.files.lock import exclusive
 from piv.files.provenance import digest, versions
 from piv.files.record import (
     changed_outputs,
+    check_own,
     check_whole,
     forget,
     read_record,
@@ -91,6 +92,7 @@ def make(
     StageError with the sentence of the stage that failed, OSError where the machine is the cause;
     RuntimeError for a defect in a stage.
     """
+    check_own(run.out)
     run.check(target)
     waiting = list(run.stale(target))
     if not quiet:
@@ -149,6 +151,7 @@ def make(
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
     """Make one stage in this process; its inputs exist. Links the files of an equal run."""
     step, begin = run.stage(stage), time.monotonic()
+    check_own(run.out)
     run.out.mkdir(parents=True, exist_ok=True)
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:

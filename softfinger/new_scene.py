@@ -3,15 +3,18 @@
 import math
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from pipeline.fea.sections import sections
-from pipeline.formats.bending_states import read_states
-from pipeline.kinematics.pressure_law import measured_law, measured_table
+from pipeline.formats.bending_states import BendingStates, read_states
+from pipeline.formats.user_tables import read_history
+from pipeline.kinematics.pressure_law import measured_law
+from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
 from pipeline.runs.stages import FEA, STAGES
@@ -19,6 +22,7 @@ from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import command, read_layers
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.scene.sections import SMOOTHING
+from pipeline.structure.finger import ElasticFinger, modelled_speed
 from piv.files.atomic import write_text
 from piv.files.errors import StageError
 
@@ -29,8 +33,8 @@ _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, an
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
-_TIP_PER_BEND = 0.6  # of the length: way of the tip while the finger bends by 1 rad
-_STEP_SPEED = 0.35  # m/s, for which the levels' time steps were chosen
+_STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
+_PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
 _WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
 _LEVELS = ("smoke", "draft", "coarse")
 
@@ -68,11 +72,17 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     """
     shipped = load_scene(parent)
     actuator, _ = sections(shipped)
-    times, pressure = measured_table(own.pressure, "t,p", "s and Pa", least=2)
+    times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
     cavity = (own.length + actuator.gap) / chambers - 2 * actuator.l1 - actuator.gap
-    end = math.ceil(round((times[-1] - times[0] + SMOOTHING) / _WHOLE, 6)) * _WHOLE
+    end = _up(times[-1] - times[0] + SMOOTHING, _WHOLE)
+    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
+    with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
+        table = Path(place) / "pressure.csv"
+        write_text(table, f"t,p\n{history}")
+        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end)
+    end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
     low, high = math.floor(pressure.min() / 1e3 / step), math.ceil(pressure.max() / 1e3 / step)
@@ -95,9 +105,10 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "low": pressure.min() / 1e3,
         "high": pressure.max() / 1e3,
         "end": round(end, 6),
-        "levels": _of_levels(own, shipped, chambers, end),
+        "source_of_motion": "structure" if coupled else "fea",
+        "sheet": "" if slower == 1 else _SHEET.format(shipped.sheet.rate_hz / slower),
+        "levels": _of_levels(own, shipped, slower),
     }
-    history = "".join(f"{t - times[0]:.9g},{p:.9g}\n" for t, p in zip(times, pressure, strict=True))
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
         (folder / "scene.toml", _TEXT.format(**values)),
@@ -134,30 +145,71 @@ def _placed(own: Own) -> dict[str, Any]:
     return {"depth": depth, "root": [round(x, 4), round(depth - above, 4)], "above": 1e3 * above}
 
 
-def _of_levels(own: Own, shipped: Scene, chambers: int, end: float) -> str:
-    """Tables of levels: shorter time steps for a fast tip, smaller far cells for a small tank."""
+def _up(value: float, unit: float) -> float:
+    """The next multiple of `unit`."""
+    return round(math.ceil(round(value / unit, 6)) * unit, 6)
+
+
+def _likely(own: Own, shipped: Scene, chambers: int, end: float) -> ElasticFinger:
+    """The finger before its bending is analysed: the shipped one's section in its own width."""
     states = read_states(shipped.folder / str(shipped.motion.states), shipped.finger.thickness)
     ends = np.diff(states.profile[:, -2:], axis=1)[:, 0]
     bend = np.unwrap(np.arctan2(ends[:, 1], ends[:, 0])) * chambers / shipped.actuator["chambers"]
-    time = np.linspace(0, end, 2001)
-    turn = np.interp(measured_law(own.pressure)(time), states.pressure, bend)
-    speed = _TIP_PER_BEND * own.length * np.abs(np.gradient(turn, time)).max()
-    parts = 2 ** math.ceil(math.log2(max(speed / _STEP_SPEED, 1.0)))
+    bend -= bend[np.argmin(np.abs(states.pressure))]
+    line = circular_states(states.pressure, bend, own.length, shipped.finger.thickness)
+    states = replace(states, profile=line.profile, thickness=line.thickness)
+    if isinstance(states, BendingStates) and states.law is not None:
+        wider, law = own.width / shipped.finger.width, states.law
+        parts = ("stiffness", "moment", "rubber_mass", "rubber_section", "air_section")
+        states = replace(
+            states, law=replace(law, **{name: wider * getattr(law, name) for name in parts})
+        )
+    finger = {"length": own.length, "width": own.width, "root": (0.0, 0.0)}
+    moved = {"strokes": (), "pressure_csv": str(own.pressure.resolve()), "end_time": end}
+    scene = shipped.model_copy(
+        update={
+            "finger": shipped.finger.model_copy(update=finger),
+            "motion": shipped.motion.model_copy(update=moved),
+        }
+    )
+    return ElasticFinger.of(scene, states)
+
+
+def _pace(own: Own, shipped: Scene, chambers: int, end: float) -> tuple[float, bool]:
+    """By how much the times of the shipped scene are longer, and whether water moves the finger.
+
+    A power of two: the tip goes as far in a step as that of the shipped scene or less; a vibration
+    and a run keep their least numbers of steps and pictures.
+    """
+    finger = _likely(own, shipped, chambers, end)
+    of_vibration = finger.period / _PERIOD_STEPS / shipped.numerics.time_step
+    of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
+    slower = _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
+    slower = min(slower, max(of_vibration, 1.0), max(of_run, 1.0))
+    return 2.0 ** math.floor(math.log2(slower)), finger.known
+
+
+def _of_levels(own: Own, shipped: Scene, slower: float) -> str:
+    """Tables of levels: times as fast as the tip, smaller far cells for a small tank."""
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
     text = ""
     layers = read_layers(shipped.folder / "scene.toml")
     for level in dict.fromkeys(name for layer in layers for name in layer.levels):
         scene, keys = load_scene(shipped.folder, level), ""
-        if parts > 1:
-            keys += (
-                f"numerics = {{ time_step = {scene.numerics.time_step / parts:g} }}  # a fast tip\n"
-            )
+        if slower != 1:
+            times = (slower * t for t in (scene.numerics.time_step, scene.numerics.write_interval))
+            keys += "numerics = {{ time_step = {:g}, write_interval = {:g} }}\n".format(*times)
         if scene.mesh.far_cell > largest:
             keys += f"mesh = {{ far_cell = {largest:g} }}  # a quarter of the tank at most\n"
         text += f"\n[levels.{level}]\n{keys}" if keys else ""
     return text
 
 
+_SHEET = """
+# Time steps, checkpoints (levels) and pictures follow from the tip's speed in modelled water.
+[sheet]
+rate_hz = {:g}  # pictures in a second
+"""
 _TEXT = """\
 # Written by softfinger new. It holds what differs from {parent_name} (all keys:
 # docs/scene_reference.md). "Assumed" marks what was not given: check it against yours.
@@ -188,12 +240,13 @@ pressure_step_kpa = {step}
 uncertainty = false  # true: six more analyses, for a band around the bending radius
 
 [motion]
+source = "{source_of_motion}"  # "structure": pressure and water move it together; COUPLED=0: "fea"
 pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing: {smoothing} s
 end_time = {end}  # s: when the smoothed pressure has arrived
 
 # Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
-# and scale_mm_per_px state a view. Model, mesh, time steps and PIV are {parent_name}'s.
-{levels}"""
+# and scale_mm_per_px state a view. Model, mesh and PIV are {parent_name}'s.
+{sheet}{levels}"""
 
 
 def advice(scene: Scene) -> str:

@@ -22,7 +22,7 @@ Overrides = Annotated[
     ),
 ]
 Switch = Annotated[bool, Parameter(negative="")]
-Coupled = Annotated[bool, Parameter(env_var="COUPLED", negative="")]
+Coupled = Annotated[bool | None, Parameter(env_var="COUPLED", negative="--prescribed")]
 Slurm = Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")]
 SnakemakeFlags = Annotated[
     str, Parameter("--snakemake", help="Options of Snakemake, with --slurm and in studies.")
@@ -60,10 +60,17 @@ def open_scene(scene: Path, level: str, values: list[str] = [], name: str = "") 
     return open_run(scene, level, overrides, out)
 
 
-def open_coupled(scene: Path, level: str) -> Any:
-    """Open the run of a scene in which pressure and water make the motion, in its own folder."""
-    from pipeline.runs.run import coupled_out, open_run
+def open_moved(
+    scene: Path,
+    level: str,
+    coupled: bool | None,
+    values: list[str] = [],  # noqa: B006
+    name: str = "",
+) -> Any:
+    """Open a run as `open_scene`, coupled or prescribed: in an own folder if its file differs."""
+    from pipeline.runs.run import open_run, other_motion
 
-    plain = open_scene(scene, level).scene
-    overrides = {"motion.source": "structure", "title": f"{plain.title}, coupled"}
-    return open_run(scene, level, overrides, coupled_out(plain.out))
+    plain = open_scene(scene, level, values, name)
+    if coupled is None or coupled == plain.scene.coupled:
+        return plain
+    return open_run(scene, level, *other_motion(plain.scene))

@@ -1,7 +1,9 @@
 """Shared fixtures: small scenes made from the shipped ones."""
 
+import atexit
 import os
 import shutil
+import tempfile
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,12 @@ from pipeline.kinematics.finger import FingerMotion, finger_motion
 from pipeline.runs.run import Run
 from pipeline.scene.scene import Scene
 
-__all__ = ["ROOT", "TINY", "meshes_of", "motion_of", "prepare", "run_stage", "write_scene"]
+__all__ = ["CASES", "ROOT", "TINY", "meshes_of", "motion_of", "prepare", "run_stage", "write_scene"]
+
+# the shipped scenes without results: no test reads or changes those in the user's tree
+CASES = Path(tempfile.mkdtemp(prefix="softfinger_cases_"))
+shutil.copytree(ROOT / "cases", CASES, ignore=shutil.ignore_patterns("out"), dirs_exist_ok=True)
+atexit.register(shutil.rmtree, CASES, ignore_errors=True)
 
 os.environ.pop("TYPED", None)  # the values of the make that runs the tests are not theirs
 

@@ -28,9 +28,8 @@ from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import Scene, load_scene
 from piv.files.atomic import write_text
 from piv.files.errors import StageError
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
-CASES = ROOT / "cases"
 PARENTS = ("single_finger", "pinch")
 NOT_DRAWN = {"name", "level", "folder", "actuator", "fea", "body"}
 STAGE_OF = {"kinematics": kinematics.run, "mesh": mesh.run, "case": case.run}

@@ -26,11 +26,12 @@ from piv.formats.recording import RecordingWriter
 from piv.images.calibration import load_calibration
 from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording
+from tests.conftest import CASES
 from tests.pivlab_session import write_mat5, write_mat73
 
 REFUSALS = (ValueError, OSError)  # a command of piv turns them into one sentence and exit code 2
 STAGE = (StageError, OSError)  # so does the pipeline with these
-SCENE = Path(__file__).resolve().parents[3] / "cases" / "single_finger" / "scene.toml"
+SCENE = CASES / "single_finger" / "scene.toml"
 LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
 PIXELS = {

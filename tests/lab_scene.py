@@ -14,6 +14,7 @@ from pipeline.scene.scene import load_scene
 from piv.foreign.write import write_vectors
 from piv.formats.plane_series import make_plane
 from postprocess.lab.silhouette import left_of
+from tests.conftest import CASES
 
 VECTORS = """format = "dpiv"
 format_version = 4
@@ -28,7 +29,7 @@ axes = {{ y = "up", root_mm = [{x!r}, {y!r}], root_std_mm = 0.3, turn_std_deg = 
 piv = {{ window = 24, spacing = 8, interval_s = 0.002 }}
 vectors = {{ std_px = 0.05 }}
 """
-CASE = Path(__file__).parents[1] / "cases" / "single_finger"
+CASE = CASES / "single_finger"
 
 
 def finger_kinematics(folder: Path, overrides: dict[str, Any] | None = None) -> Kinematics:

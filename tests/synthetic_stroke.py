@@ -17,6 +17,7 @@ from pipeline.formats.mesh_intervals import SWEEP, Interval, write_planform
 from piv.files.record import write_record
 from piv.formats.plane_series import make_plane, write_plane
 from piv.images.masks import inside_polygon
+from tests.conftest import CASES
 
 ROOT = np.array([0.0, 0.24])
 LENGTH, THICKNESS, WIDTH = 0.070, 0.0145, 0.028
@@ -192,7 +193,7 @@ def write_case(
 
 def copy_findings(case: Path) -> Path:
     """Give a made-up case the real findings of the scene of its name; returns the case."""
-    source = Path(__file__).parents[1] / "cases" / case.name / "reference" / "findings.toml"
+    source = CASES / case.name / "reference" / "findings.toml"
     (case / "reference").mkdir(exist_ok=True)
     (case / "reference" / "findings.toml").write_text(source.read_text())
     return case

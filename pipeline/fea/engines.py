@@ -12,6 +12,7 @@ from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 from pipeline.formats.bending_states import BendingStates
+from pipeline.formats.user_tables import read_table
 from piv.files.errors import StageError
 from piv.files.provenance import versions
 
@@ -58,7 +59,7 @@ def imported(folder: Path, results: Import, width: float) -> BendingStates:
     path = folder / results.file
     if "*" not in path.name and not path.exists():
         raise StageError(f"{path}: no such file: correct file in [fea.results]")
-    if path.suffix == ".csv" and ",node," not in path.read_text("utf-8"):
+    if path.suffix == ".csv" and "node" not in read_table(path, "nodes or profiles").names:
         profiles = digitised(path, results)
     elif path.suffix in READERS:
         profiles = profiles_of(path, READERS[path.suffix](path, results), results)

@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from piv.files.errors import StageError, suggestion
+from pipeline.formats.user_tables import read_columns
+from piv.files.errors import StageError
 from piv.files.schema import Schema, variables
 
 FloatArray = NDArray[np.float64]
@@ -186,39 +187,21 @@ def profile_rows(path: Path, thickness: float | None) -> dict[float, FloatArray]
 
     `thickness`: where the file has none. StageError with file, line and remedy.
     """
-    try:
-        text = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise StageError(f"{path}: not a readable text file ({error})") from None
-    lines = [(n, row) for n, row in enumerate(text, 1) if row.strip() and row[0] != "#"]
-    header = [name.strip() for name in lines[0][1].split(",")] if lines else []
-    needed = ("pressure_kpa", "s", "x", "y", *(() if thickness else ("thickness",)))
-    if missing := [name for name in needed if name not in header]:
-        raise StageError(f"{path}: no column {missing[0]} in its header; give {', '.join(needed)}")
-    if unknown := [name for name in header if name not in _COLUMNS]:
-        raise StageError(
-            f"{path}: unknown column {unknown[0]}{suggestion(unknown[0], _COLUMNS)};"
-            f" the columns are {', '.join(_COLUMNS)}"
-        )
-    if len(lines) == 1:
-        raise StageError(f"{path}: no rows below its header; give the points of each state")
-    rows: dict[float, list[list[float]]] = {}
-    for number, line in lines[1:]:
-        where = f"{path}, line {number}"
-        try:
-            row = dict(zip(header, map(float, line.split(",")), strict=True))
-        except ValueError:
+    needed = _COLUMNS[:4] if thickness else _COLUMNS[:5]
+    table = read_columns(path, needed, _COLUMNS)
+    if "converged" in table.names:
+        stopped = np.flatnonzero(table.numbers(["converged"]) == 0)
+        for k in stopped[:1]:
             raise StageError(
-                f"{where}: {line.strip()!r} is not {len(header)} numbers; correct it"
-            ) from None
-        if not np.isfinite([*row.values()]).all():
-            raise StageError(f"{where}: a number is NaN or infinite; leave that state out")
-        if row.get("converged", 1) == 0:
-            raise StageError(
-                f"{where}: the state at {row['pressure_kpa']:g} kPa did not converge; leave it out"
+                f"{path}, line {table.lines[k]}: the state at {table.text('pressure_kpa')[k]} kPa"
+                " did not converge; leave it out"
             )
-        point = [row["s"], row["x"], row["y"], row.get("thickness", thickness or 0.0)]
-        rows.setdefault(row["pressure_kpa"], []).append(point)
+    points = table.numbers([name for name in _COLUMNS[:5] if name in table.names])
+    if points.shape[1] == 4:
+        points = np.column_stack([points, np.full(len(points), thickness)])
+    rows: dict[float, list[list[float]]] = {}
+    for pressure, *point in points.tolist():
+        rows.setdefault(pressure, []).append(point)
     profiles = {pressure: np.array(sorted(points)) for pressure, points in rows.items()}
     for pressure, points in profiles.items():
         if len(points) < 4 or not np.all(np.diff(points[:, 0]) > 0):

@@ -28,6 +28,8 @@ from piv.files.errors import StageError
 _LAW_SAMPLES_PER_SECOND = 4000
 # of finger.length against that of its states: digitised profiles are no better
 _LENGTH_TOLERANCE = 0.02
+_CLIPPED = 0.01  # of the range of the states: a sensor's offset and noise, not another stroke
+_ROUNDING = 1e-6  # Pa
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,9 @@ def finger_motion(
     lowest, highest = float(pressure.min()), float(pressure.max())
     if over_time is None:
         states = finger_states(motion, finger, folder, lowest, highest)
+        law = free_law = within(law, states)
+        pressure = law(time)
+        lowest, highest = float(pressure.min()), float(pressure.max())
     low, high = states.pressure[0], states.pressure[-1]
     if lowest < low - 1e-6 or highest > high + 1e-6:
         source = folder / (motion.recording or motion.pressure_csv or "scene.toml")
@@ -129,6 +134,39 @@ def finger_motion(
     return replace(free, law=closing_law(law, gap_at, start, float(high), pinch, str(where)))
 
 
+def within(law: PressureLaw, states: States) -> PressureLaw:
+    """A law whose pressures beyond the states by less than 1 % of their range are clipped."""
+    low, high = states.pressure[0], states.pressure[-1]
+    band = _CLIPPED * (high - low)
+
+    def clipped(time: ndarray, derivative: int = 0) -> ndarray:
+        pressure = law(time)
+        over = ((pressure < low) & (pressure >= low - band)) | (
+            (pressure > high) & (pressure <= high + band)
+        )
+        if not over.any():
+            return law(time, derivative) if derivative else pressure
+        if derivative:
+            return np.where(over, 0.0, law(time, derivative))
+        return np.where(over, np.clip(pressure, low, high), pressure)
+
+    return clipped
+
+
+def clipping(motion: Motion, finger: Finger, folder: Path) -> str:
+    """A remark on pressures that `within` clips, with how far they are beyond; "" without any."""
+    raw = pressure_law(motion, folder)(law_times(motion.end_time))
+    states = finger_states(motion, finger, folder, float(raw.min()), float(raw.max()))
+    low, high = states.pressure[0], states.pressure[-1]
+    beyond = max(low - raw.min(), raw.max() - high)
+    if beyond <= _ROUNDING or motion.source == "recording":
+        return ""
+    return (
+        f"{motion.pressure_csv or 'the pressure'} is up to {beyond / 1e3:.2g} kPa beyond the states"
+        f" of {low / 1e3:g} to {high / 1e3:g} kPa: it is clipped there"
+    )
+
+
 def _time_itself(time: ndarray, derivative: int = 0) -> ndarray:
     """The law of shapes that are given over time."""
     time = np.asarray(time, float)
@@ -146,7 +184,7 @@ def pressure_law(motion: Motion, folder: Path) -> PressureLaw:
         return recorded_law(folder / str(motion.recording), motion.recording_factor)
     if motion.pressure_csv:
         span = SMOOTHING if motion.smoothing is None else motion.smoothing
-        return measured_law(folder / motion.pressure_csv, span)
+        return measured_law(folder / motion.pressure_csv, span, motion.end_time)
     strokes = [(s.pressure_kpa * 1e3, s.start, s.duration) for s in motion.strokes]
     return stroke_law(motion.start_pressure_kpa * 1e3, strokes)
 

@@ -1,6 +1,5 @@
 """Smooth pressure over time: three-pole strokes, or a measured history."""
 
-import re
 from pathlib import Path
 from typing import Protocol
 
@@ -8,9 +7,11 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
+from pipeline.formats.user_tables import read_history
 from pipeline.scene.sections import SMOOTHING
 from piv.files.errors import StageError
 
+_FEWEST = 3  # rows of a long table within the run; fewer are a sign of times in ms
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
 
@@ -43,47 +44,27 @@ def stroke_law(start_pressure: float, strokes: list[tuple[float, float, float]])
     return law
 
 
-def measured_law(path: Path, smoothing: float = SMOOTHING) -> PressureLaw:
-    """The history of a CSV with columns `t, p` (s, Pa), averaged over `smoothing` s; StageError.
+def measured_law(path: Path, smoothing: float = SMOOTHING, end_time: float = np.inf) -> PressureLaw:
+    """The history of a table `t, p` (s, Pa), averaged over `smoothing` s; StageError.
 
     It is held constant before and after. Without smoothing: a cubic spline through the rows.
+    `end_time` of the run (s): refused where the pressure changes after it alone.
     """
     # a spline needs three rows; two are a ramp
-    times, pressure = measured_table(path, "t,p", "s and Pa", least=2 if smoothing else 3)
+    times, pressure = read_history(path, "pressure", least=2 if smoothing else 3)
     if not (span := np.ptp(pressure)):
         raise StageError(f"{path}: the pressure never changes; give one that moves the finger")
     if span < 200:
         raise StageError(f"{path}: pressures span {span:.3g} Pa, which looks like kPa; give Pa")
+    begun = int(np.searchsorted(times, end_time))
+    if not np.ptp(pressure[: begun + 1]) or begun < _FEWEST <= len(times) / 4:
+        raise StageError(
+            f"{path}: {begun} of {len(times)} rows lie before motion.end_time = {end_time:g} s, too"
+            " few for a motion; give a later end_time, or name the column t [ms] if it is in ms"
+        )
     if smoothing:
         return _averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
-
-
-def measured_table(path: Path, header: str, units: str, least: int = 3) -> tuple[ndarray, ndarray]:
-    """Increasing times and values of a CSV with two columns and `least` rows or more.
-
-    StageError names the `units`.
-    """
-    try:
-        rows = _data_rows(path, header, units)
-        table = np.array([row.split(",") for row in rows], float, ndmin=2)
-    except FileNotFoundError:
-        raise StageError(f"{path}: no such file; give a table of {header} in {units}") from None
-    except StageError:
-        raise
-    except (OSError, ValueError) as error:
-        raise StageError(f"{path}: not a table of {header} in {units}: {error}") from None
-    if table.ndim != 2 or table.shape[1] != 2 or len(table) < least:
-        raise StageError(
-            f"{path}: has {len(table)} rows of {table.shape[-1]} numbers; give two columns {header}"
-            f" and at least {least} rows below their names"
-        )
-    finite, later = np.isfinite(table).all(1), np.diff(table[:, 0]) > 0
-    if not finite.all():
-        raise StageError(f"{path}: row {finite.argmin() + 1} is not a number; remove it")
-    if not later.all():
-        raise StageError(f"{path}: times must increase; row {later.argmin() + 2} does not")
-    return table[:, 0], table[:, 1]
 
 
 def smooth_step(x: ndarray, derivative: int = 0) -> ndarray:
@@ -141,17 +122,3 @@ def history_law(times: ndarray, pressure: ndarray) -> PressureLaw:
         return np.where(inside, spline(np.clip(t, first, last), derivative), outside)
 
     return law
-
-
-def _data_rows(path: Path, header: str, units: str) -> list[str]:
-    """Lines without comments and header; StageError where the header names other columns."""
-    lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
-    lines = [line for line in lines if line]
-    named = lines[0].replace(" ", "").lower() if lines else ""
-    if not re.match(r"(?!nan|inf)[a-z]", named):
-        return lines
-    if named != header:
-        raise StageError(
-            f"{path}: its first line is {lines[0]!r}; name the columns {header}, in {units}"
-        )
-    return lines[1:]

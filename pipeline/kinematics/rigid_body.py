@@ -8,7 +8,8 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from pipeline.kinematics.pressure_law import history_law, measured_table, smooth_step
+from pipeline.formats.user_tables import read_history
+from pipeline.kinematics.pressure_law import history_law, smooth_step
 from pipeline.kinematics.shape_checks import check_motion, check_number
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
@@ -71,7 +72,7 @@ def _turned(points: ndarray, angle: float) -> ndarray:
 def measured_path(path: Path, end_time: float) -> Distance:
     """A measured place over time: a cubic spline, at rest before and after."""
     time = np.linspace(0.0, end_time, 2001)
-    law = history_law(*measured_table(path, "t,x", "s and m"))
+    law = history_law(*read_history(path, "place", least=3))
     return Distance(time, law(time) - law(np.zeros(1)), law(time, 1))
 
 

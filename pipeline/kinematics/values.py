@@ -11,7 +11,7 @@ from pipeline.fea import paper_equations
 from pipeline.formats.bending_states import States
 from pipeline.formats.kinematics import SHAPE, SHAPE_OF_TIME, write_kinematics
 from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
-from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
+from pipeline.kinematics.finger import FingerMotion, clipping, finger_motion, law_times
 from pipeline.kinematics.rigid_body import rigid_values
 from pipeline.kinematics.shape_checks import check_body, check_motion, check_number, check_shapes
 from pipeline.scene.pinch import Pinch
@@ -152,5 +152,7 @@ def motion_sentences(scene: Scene, values: dict[str, Any]) -> Iterator[str]:
             " with a jump of its slope: the first peak of force is that of an impulsive start;"
             " give motion.smoothing, or rows of rest before"
         )
+    if remark := clipping(scene.motion, scene.finger, scene.folder):
+        yield f"kinematics: warning: {remark}"
     if scene.pinch is not None:
         yield f"kinematics: {closing_sentence(values)}"

@@ -1,10 +1,12 @@
 """A run: a scene at a level with overrides, resolved once, and the state of its stages."""
 
 import hashlib
+import math
 import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,15 +22,17 @@ from pipeline.runs.sources import sources_digest
 from pipeline.runs.stages import BY_NAME, COUPLED, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.structure.finger import ElasticFinger, modelled_speed
 from piv.files.atomic import sha256
 from piv.files.errors import StageError
 from piv.files.json_text import flat
 from piv.files.lock import exclusive
 from piv.files.provenance import digest
-from piv.files.record import changed_outputs, read_record, record_path
+from piv.files.record import changed_outputs, check_own, read_record, record_path
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
+_NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
 _OF_CASE = {"0", "0.orig", "constant", "system", "case.foam"}  # in an interval's folder
 _FIELDS = re.compile(r"[0-9.e-]+$|processor")  # folders that the solver writes
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
@@ -140,7 +144,9 @@ class Run:
             record = read_record(out, stage)
             same = record and record["digest"] == self.digest(stage) and out != self.out
             if record and same and not changed_outputs(out, record):
-                return out
+                with suppress(StageError):  # links that lead elsewhere are not taken over
+                    check_own(out)
+                    return out
         return None
 
     def check(self, target: str) -> None:
@@ -211,6 +217,25 @@ def _view(scene: Scene) -> dict[str, Any]:
 def coupled_out(out: Path) -> Path:
     """Folder of the coupled run beside the results `out` of a prescribed one."""
     return out / "coupled"
+
+
+def other_motion(scene: Scene) -> tuple[dict[str, Any], Path]:
+    """Overrides and folder of a scene's coupled run, or of the prescribed one of a coupled scene.
+
+    A finger that water does not slow may be faster, and then takes shorter steps. StageError.
+    """
+    if not scene.coupled:
+        overrides = {"motion.source": "structure", "title": f"{scene.title}, coupled"}
+        return overrides, coupled_out(scene.out)
+    check_states(scene)
+    wet = modelled_speed(ElasticFinger.of(scene), scene.motion.end_time)
+    faster = tip_path(scene).speed / wet / _NOT_FASTER
+    parts = 2 ** max(0, math.ceil(math.log2(faster)))
+    return {
+        "motion.source": "fea",
+        "title": f"{scene.title}, prescribed",
+        "numerics.time_step": scene.numerics.time_step / parts,
+    }, scene.out / "prescribed"
 
 
 def single_finger_out(pinch: Scene) -> Path:

@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from pipeline.scene.toml_text import read_toml
@@ -29,9 +30,10 @@ def command(name: str, folder: Path, level: str = "") -> str:
     """A command on a scene: make's where the folder lies in cases/, else the program's."""
     scene = folder.resolve()
     if scene.parent == Path("cases").resolve():
-        words = f"make {scene.name}" if name == "run" else f"make {name} SCENE={scene.name}"
+        place = quote(scene.name)
+        words = f"make {place}" if name == "run" else f"make {name} SCENE={place}"
         return f"{words} LEVEL={level}" if level else words
-    return f"softfinger {name} {folder}" + (f" --level {level}" if level else "")
+    return f"softfinger {name} {quote(str(folder))}" + (f" --level {level}" if level else "")
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

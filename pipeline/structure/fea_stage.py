@@ -16,6 +16,7 @@ from pipeline.scene.read_toml import OWN_STATES
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.structure.finger import modelled_share
 from piv.files.errors import StageError
+from piv.files.record import check_own
 
 _SPARE = 1.15  # of the moments that are needed
 _USED_BY = ("fea", "structure")  # of motion.source
@@ -52,6 +53,7 @@ def run(scene: Scene, quiet: bool = False, output: Path | None = None, processes
     except (ValueError, RuntimeError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
     target = output or scene.folder / OWN_STATES
+    check_own(target.parent)
     write(target, states)
     if not quiet:
         print(f"fea: {len(states.pressure)} states → {target}")

@@ -10,18 +10,18 @@ from scipy.spatial import cKDTree
 
 from pipeline.formats.bending_states import FloatArray, States
 from pipeline.formats.mesh_intervals import PER_FINGER
-from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law
+from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
 from pipeline.structure.elastic_law import bending_law, constant_law
-from pipeline.structure.motion import LARGEST_SHARE, Surroundings, motion
+from pipeline.structure.motion import Surroundings, motion
 from pipeline.structure.vibration import slowness
 from piv.files.errors import StageError
 
 _GRAVITY = 9.81  # m/s²
-_STEPS = 150  # of the first vibration, where its shape alone counts
+_STEPS, _MOST_STEPS = 150, 4000  # of the first vibration and in all, where no flow is computed
 _ADDED_MASS, _DRAG = 0.87, 2.2  # where no run gives them (docs/coupling.md)
 
 
@@ -47,6 +47,7 @@ class ElasticFinger:
         if states is None:
             lowest, highest = float(pressure.min()), float(pressure.max())
             states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
+            chambers = within(chambers, states)
         known = bending_law(states, scene.structure.bending_stiffness)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
@@ -68,6 +69,17 @@ class ElasticFinger:
             known is not None,
             2 * np.pi * in_water,
         )
+
+    def in_water(self, end: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time (s), pressure (Pa) and rotations (time, slice) in modelled water.
+
+        However large the moments are. StageError where the chain finds no equilibrium.
+        """
+        step = max(self.period / _STEPS, end / _MOST_STEPS)
+        time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
+        pressure, none = self.chambers(time), np.zeros((len(time), self.chain.slices, 3))
+        turned = motion(self.chain, pressure, float(time[1]), self.model, none, most=np.inf)
+        return time, pressure, turned
 
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
         """Shapes over `time` (s) in place of the pressure, under rotations (time, slice) rad."""
@@ -91,16 +103,17 @@ def copies(scene: Scene) -> float:
 
 
 def modelled_share(scene: Scene, states: States) -> float:
-    """Largest moment in modelled water over the table of `states`; 2 where it is further beyond."""
+    """Largest moment in modelled water over the table of `states`. StageError."""
     finger = ElasticFinger.of(scene, states)
-    count = round(scene.motion.end_time / (finger.period / _STEPS)) + 1
-    time = np.linspace(0.0, scene.motion.end_time, count)
-    pressure, none = finger.chambers(time), np.zeros((count, finger.chain.slices, 3))
-    try:
-        delta = motion(finger.chain, pressure, float(time[1]), finger.model, none)
-    except StageError:
-        return LARGEST_SHARE
+    _, pressure, delta = finger.in_water(scene.motion.end_time)
     return finger.chain.share(finger.chain.moments(pressure, delta))
+
+
+def modelled_speed(finger: ElasticFinger, end: float) -> float:
+    """Largest speed (m/s) of the tip in modelled water until `end` (s); StageError."""
+    time, pressure, delta = finger.in_water(end)
+    tip = finger.chain.profile(pressure, delta)[:, -1]
+    return float(np.hypot(*np.gradient(tip, time[1], axis=0).T).max())
 
 
 def modelled_shapes(scene: Scene) -> States:

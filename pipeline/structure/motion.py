@@ -143,12 +143,13 @@ def advance(
     around: Surroundings,
     loads: FloatArray,
     before: FloatArray,
+    most: float = LARGEST_SHARE,
 ) -> FloatArray:
     """Rotations (slice,) rad at the first of `times`, numbers in `unloaded`, latest first.
 
     `pressure` (Pa) then; `step` (s); `loads` (slice, 3) then: N along and across slices, and N m;
-    `before` (EARLIER, slice): rotations at the other times. StageError where the moment leaves the
-    law of bending.
+    `before` (EARLIER, slice): rotations at the other times. StageError where a moment is more
+    than `most` times those of the table.
     """
     earlier = placed(unloaded, times[1:], before)
     bends = np.diff(before, axis=-1, prepend=0.0)
@@ -178,7 +179,7 @@ def advance(
 
     name = f"at {times[0] * step:.4g} s"
     delta = _newton(residual, 3 * before[0] - 3 * before[1] + before[2], name)
-    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > LARGEST_SHARE:
+    if chain.share(law(np.diff(delta, prepend=0.0) / chain.springs)) > most:
         raise StageError(
             f"{name} the finger bears a moment far beyond the table of states.h5"
             f" ({chain.law.moment[-1]:.2g} N m): it bends too far to be computed; check the motion"
@@ -194,6 +195,7 @@ def motion(
     around: Surroundings,
     loads: FloatArray,
     start: FloatArray | None = None,
+    most: float = LARGEST_SHARE,
 ) -> FloatArray:
     """Rotations (time, slice) rad against the shape without load, `step` (s) apart, from rest.
 
@@ -206,8 +208,9 @@ def motion(
     for m in range(1, len(pressure)):
         times = past(m)
         delta[m] = advance(
-            chain, unloaded, times, float(pressure[m]), step, around, loads[m], delta[times[1:]]
-        )
+            chain, unloaded, times, float(pressure[m]), step, around, loads[m], delta[times[1:]],
+            most,
+        )  # fmt: skip
     return delta
 
 

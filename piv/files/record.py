@@ -6,17 +6,53 @@ programs, are not checked.
 
 import json
 import os
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from piv.files.atomic import sha256, write_text
 from piv.files.errors import StageError
+from piv.files.regular import read_regular
 
 FOLDER = "made"
 FORMAT = {"format": "stage-record", "format_version": 1}
 _DEPTH = 6  # of a file in a run's folder: case/interval_0/postProcessing/sheet/0.1/sheet.vtk
 REMEDY = "delete it and run make again"
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"  # of a folder that is made, as a file gives it
+_COSTS = ("wall_time", "cpu_time", "peak_memory")
+_LARGEST = 1e18  # of a cost; a larger integer is no float
+
+
+def check_own(out: Path) -> None:
+    """StageError where a link leads out of a run's folder `out`, or `out` out of its scene's.
+
+    Whatever a run writes, replaces or deletes lies below `out`, so this guards all such paths. A
+    pipe or device is refused too, since opening it may never return.
+    """
+    home = next((p for p in out.parents if (p / "scene.toml").is_file()), out.parent)
+    above = [p for p in out.parents if home in p.parents]
+    places = [(path, home) for path in (out, *above)]
+    places += [(Path(link), out) for link in _links(out)] if out.is_dir() else []
+    for path, within in places:
+        if not _is_below(path, within) or (path.is_symlink() and not path.exists()):
+            raise StageError(f"{path}: leads out of {within}, or nowhere; remove this link")
+
+
+def _links(folder: Path | str) -> Iterator[str]:
+    """Links below a folder, none of which is followed; StageError for a pipe or device."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_symlink():
+                yield entry.path
+            elif entry.is_dir(follow_symlinks=False):
+                yield from _links(entry.path)
+            elif not entry.is_file(follow_symlinks=False):
+                raise StageError(f"{entry.path}: is neither a file nor a folder; remove it")
+
+
+def _is_below(path: Path, folder: Path) -> bool:
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
 def record_path(out: Path, stage: str) -> Path:
@@ -25,7 +61,10 @@ def record_path(out: Path, stage: str) -> Path:
 
 
 def read_record(out: Path, stage: str) -> dict[str, Any] | None:
-    """The record of a stage; None where it is missing or of another version."""
+    """The record of a stage; None where it is missing, of another version, or not sound.
+
+    A cost that it does not state is 0.
+    """
     return _parsed(record_path(out, stage))
 
 
@@ -90,11 +129,40 @@ def _known(out: Path, changed: int) -> dict[str, str]:
 
 def _parsed(path: Path) -> dict[str, Any] | None:
     try:
-        record = json.loads(path.read_bytes())
+        record = json.loads(read_regular(path))
     except (OSError, ValueError, RecursionError):
         return None
-    known = isinstance(record, dict) and FORMAT.items() <= record.items()
-    return record if known and isinstance(record.get("outputs"), dict) else None
+    if not isinstance(record, dict) or not FORMAT.items() <= record.items():
+        return None
+    record = dict.fromkeys(_COSTS, 0) | {"made_from": {}} | record
+    return record if _is_sound(record, path.parents[1]) else None
+
+
+def _is_sound(record: dict[str, Any], out: Path) -> bool:
+    """Whether a record has the shape of this program's, and names files of the run alone."""
+    made, outputs = record["made_from"], record.get("outputs")
+    if not isinstance(made, dict) or not isinstance(outputs, dict):
+        return False
+    costs = [record[key] for key in _COSTS]
+    return (
+        isinstance(record.get("digest"), str)
+        and isinstance(record.get("stage"), str)
+        and all(isinstance(made.get(key, {}), dict) for key in ("numbers", "files", "inputs"))
+        and all(type(cost) in (int, float) and 0 <= cost < _LARGEST for cost in costs)
+        and all(isinstance(s, dict) and isinstance(s.get("sha256"), str) for s in outputs.values())
+        and _are_own(out, outputs)
+    )
+
+
+def _are_own(out: Path, names: Iterable[str]) -> bool:
+    """Whether each name is of a file below `out` that no link makes another one."""
+    for name in names:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or not path.parts or "\0" in name:
+            return False
+        if os.path.islink(out / name) or os.path.isdir(out / name):
+            return False
+    return all(_is_below(folder, out) for folder in {(out / name).parent for name in names})
 
 
 def _state(path: Path) -> dict[str, Any]:

@@ -28,6 +28,10 @@ STEINER = np.pi / 12  # cells by which an edge one cell wide adds to the area of
 # A vortex that is strained more than it turns: its largest vorticity over the plane's, and the
 # longest region over its width at SADDLE of that
 STRAINED_PEAK, ROUND = 0.25, 2.0
+# A vortex against shear, in which strain equals rotation: least share of the rotation beyond strain
+# (strain is then below three quarters of rotation), and that over the standard deviation that the
+# vectors' errors give it. Shear in noise reaches 4.7, the recorded vortices have 9 and more
+ROTATES, CERTAIN = 0.45, 5.0
 WINDOW_STD = 12**0.5  # width of a window over the standard deviation of its points
 REPLICAS = 12  # of the vectors' errors: their standard deviation is known to a fifth
 # relative standard deviations of the measures on a grid (x and y: over the radius), factors of the
@@ -103,7 +107,8 @@ class _Criteria(NamedTuple):
 class _Patch(NamedTuple):
     """A region within its box: criteria, its points, those of no other region, and the box.
 
-    `level`: of its largest vorticity, that it ends at. `strained`: more than it turns.
+    `level`: of its largest vorticity, that it ends at. `strained`: more than it turns. `turns`:
+    by more than a layer of parallel shear.
     """
 
     c: _Criteria
@@ -112,6 +117,7 @@ class _Patch(NamedTuple):
     box: tuple[slice, ...]
     level: float
     strained: bool
+    turns: bool
 
 
 def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
@@ -130,16 +136,18 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
         turning = _Criteria(sense * whole.omega, whole.q, whole.known)
         patches = _vortices(turning, p, scale, s)
         found += [(_measures(patch, p, sense), patch) for patch in patches]
+    # layers are left out after that: beside them the strongest vortex may be noise
     strongest = max((abs(m.circulation) for m, _ in found), default=0.0)
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
-    found = [f for f in found if abs(f[0].circulation) >= least]
+    found = [f for f in found if abs(f[0].circulation) >= least and f[1].turns]
     measures = [m for m, _ in found]
     regions = []
     for m, patch in found:
         own = _own(p, patch.box, m, measures, DISC * scale)
         m = m._replace(circulation=np.sign(m.circulation) * _circulation(patch.c, own, p))
-        noise = _of_vectors(patch, p, scale, m, own)
-        if abs(m.circulation) >= s.significance * noise.circulation:
+        noise, doubt = _of_vectors(patch, p, scale, m, own)
+        excess = float(_excess(patch.c, patch.mask, abs(m.peak_vorticity) * patch.strained))
+        if abs(m.circulation) >= s.significance * noise.circulation and excess >= CERTAIN * doubt:
             std = np.hypot(_of_grid(patch, p, scale, m, own), noise)
             regions.append(Region(m, Measures(*std.tolist()), noise))
     return sorted(regions, key=lambda r: -abs(r.measures.circulation))
@@ -167,7 +175,7 @@ def _circulation(c: _Criteria, own: ndarray, p: Plane) -> float:
 
 
 def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterator[_Patch]:
-    """Regions that are vortices, in boxes that hold the circle of a circulation."""
+    """Regions that are vortices or layers, in boxes that hold the circle of a circulation."""
     least = np.pi * (SMALLEST * scale) ** 2 / (p.step[0] * p.step[1])
     taken = np.zeros(c.omega.shape, bool)
     away = cv2.distanceTransform(c.known.astype(np.uint8), cv2.DIST_L2, 5) > scale / max(p.step)
@@ -182,16 +190,31 @@ def _vortices(c: _Criteria, p: Plane, scale: float, s: VortexSettings) -> Iterat
         for k, box in enumerate(ndimage.find_objects(basins), start=1):
             if box is None or sizes[k] < least or peaks[k] < peak:
                 continue
+            edges = list(zip(box, basins.shape, strict=True))
+            if strained and any(b.start == 0 or b.stop == n for b, n in edges):
+                continue  # a layer that the plane's border cuts may look round
             by = 2 + int(DISC * scale / min(p.step))
-            edges = zip(box, basins.shape, strict=True)
             box = tuple(slice(max(0, b.start - by), min(n, b.stop + by)) for b, n in edges)
             near, local = basins[box], _Criteria(*(q[box] for q in part))
             mask = (near == k) & (local.omega >= level * peaks[k])
             if np.count_nonzero(mask) < least or (mask & taken[box]).any():
                 continue
             if _stands_out(local, mask, p.step, scale, longest):
-                taken[box] |= near == k
-                yield _Patch(local, mask, (near == k) | (near == 0), box, level, strained)
+                turns = strained or bool(_excess(local, mask, 0.0) >= ROTATES)
+                taken[box] |= (near == k) & turns
+                yield _Patch(local, mask, (near == k) | (near == 0), box, level, strained, turns)
+
+
+def _excess(c: _Criteria, mask: ndarray, strained_peak: float) -> ndarray:
+    """What tells a region from shear, of one field or of each of its replicas (y, x, n).
+
+    1 less the strain's mean square over the vorticity's: of a round vortex 1, of parallel shear 0.
+    Of a strained vortex, whose `strained_peak` is given, how far the vorticity falls to its edge.
+    """
+    omega = c.omega[mask]
+    if strained_peak:
+        return omega.max(axis=0) / strained_peak - SADDLE
+    return 4 * c.q[mask].sum(axis=0) / (omega**2).sum(axis=0)
 
 
 @compiled
@@ -264,7 +287,7 @@ def _stands_out(
 
 def _measures(patch: _Patch, p: Plane, sense: float) -> Measures:
     """Integrals over a region; a cell on its edge counts by the part that lies within."""
-    c, mask, free, box, level, strained = patch
+    c, mask, free, box, level, strained, _ = patch
     peak = float(c.omega[mask].max())
     near = cv2.dilate(mask.astype(np.uint8), _SQUARE) > 0
     within = _depth(c.omega - level * peak)
@@ -342,14 +365,16 @@ def _of_grid(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -
     return relative * sizes
 
 
-def _of_vectors(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray) -> Measures:
-    """Standard uncertainties of a region's measures by replicas of the vectors' errors.
+def _of_vectors(
+    patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray
+) -> tuple[Measures, float]:
+    """Standard uncertainties of a region's measures, and of its excess, by replicas of the vectors.
 
     The errors are alike over a window; 0 where the plane does not tell them.
     """
     if p.noise is None:
-        return Measures(*[0.0] * 5)
-    _, mask, free, box, level, strained = patch
+        return Measures(*[0.0] * 5), 0.0
+    _, mask, free, box, level, strained, _ = patch
     rng = np.random.default_rng(1)
     errors = [
         np.where(p.valid[box], std[box], 0.0)[..., None] * _alike(rng, p, std[box].shape)
@@ -368,8 +393,10 @@ def _of_vectors(patch: _Patch, p: Plane, scale: float, m: Measures, own: ndarray
             drawn = _measures(patch._replace(c=part, mask=labels == most), p, sense)
             values.append(drawn._replace(circulation=_circulation(part, own, p)))
     if len(values) < 2:  # it vanishes in the noise
-        return Measures(*[np.inf] * 5)
-    return Measures(*(OF_REPLICAS * np.std(values, axis=0, ddof=1)).tolist())
+        return Measures(*[np.inf] * 5), np.inf
+    turning = replicas._replace(omega=sense * replicas.omega)
+    doubt = float(_excess(turning, mask, abs(m.peak_vorticity) * strained).std(ddof=1))
+    return Measures(*(OF_REPLICAS * np.std(values, axis=0, ddof=1)).tolist()), doubt
 
 
 def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.scene.key_reference import MISSING, Key, complaints, keys_of, template, toml_value
-from pipeline.scene.toml_text import read_toml
+from pipeline.scene.toml_text import read_template
 from piv.files.errors import StageError
 from piv.files.hdf5 import open_hdf5
 from piv.files.provenance import check_version
@@ -35,7 +35,7 @@ REQUIRED = {
 # keys of the other kind, which would be ignored
 OTHER = {
     "pictures": "axes.root_mm axes.root_std_mm vectors",
-    "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour pressure_csv"
+    "vectors": "finger_length_std_mm root_hidden_mm light_from_deg colour"
     " axes.root_px piv.pairing piv.every scale.calibration",
 }
 ONE_FILE = (*PHOTRON_SUFFIXES, *VIDEO_SUFFIXES, *HDF5_SUFFIXES)  # is the whole recording
@@ -117,6 +117,8 @@ class Vectors(Table):
 
     std_px: Positive
     """Standard uncertainty of a displacement, where the file carries none [px]"""
+    repeats: Annotated[int, Field(ge=1)] = 1
+    """Of phase averages: how many recordings each vector is the mean of"""
 
 
 class Dpiv(Table):
@@ -135,12 +137,10 @@ class Dpiv(Table):
     """A pattern or a list of paths, relative to this file; vectors are one file"""
     frame_rate_hz: Positive
     """Pictures per second; of pairing "1-2,3-4" pairs, of vectors fields per second [Hz]"""
-    start: Start | Literal["from motion"]
-    """{ at_s = …, std_s = … } of the first picture, or of pictures "from motion": they show it"""
+    start: Start | Literal["from motion", "from flow"]
+    """{ at_s = …, std_s = … }; "from motion": pictures show it; "from flow": the vectors' onset"""
     finger_geometry: Literal["measured", "nominal"]
     """ "measured": FEA of this very finger; "nominal": of its drawing, so that its bands count"""
-    pressure_csv: str | None = None
-    """Of pictures: measured pressure, a CSV of t,p (s, Pa) on the simulation's clock"""
     colour: Literal["refuse", "luma", "green"] = "refuse"
     """What is done with coloured pictures"""
     finger_length_std_mm: NotNegative | None = None
@@ -184,9 +184,10 @@ def read_dpiv(path: Path) -> Dpiv:
             f"{path}: missing; data of a laboratory need a {NAME} beside them that states scale,"
             " axes and times (docs/comparison.md has one to copy)"
         )
-    table = read_toml(path)
+    table, empty = read_template(path)
     check_version(table, path, "dpiv", VERSION, "state it as docs/comparison.md has it")
     missing, wrong = _of_kind(table)
+    missing += empty
     try:
         dpiv = Dpiv(**table, folder=path.parent)
     except ValidationError as error:
@@ -224,8 +225,8 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     given = {*table, *(f"{name}.{key}" for name, part in tables.items() for key in part)}
     kind, pairing = str(table.get("kind")), tables.get("piv", {}).get("pairing")
     needed = REQUIRED.get(kind, "").split()
-    if kind == "pictures" and pairing == "1-2,3-4":
-        needed.append("piv.interval_s")
+    if kind == "pictures" and pairing != "1-2,2-3":
+        needed.append("piv.interval_s")  # asked for together with the pairing
     if kind == "pictures" and "scale.calibration" in given:
         needed.remove("scale.scale_mm_per_px")
     wrong = [
@@ -238,7 +239,11 @@ def _of_kind(table: dict[str, Any]) -> tuple[list[str], list[str]]:
     if kind == "pictures" and pairing == "1-2,2-3" and "piv.interval_s" in given:
         wrong.append('piv.interval_s belongs to pairing = "1-2,3-4"; else frame_rate_hz has it')
     if kind == "vectors" and table.get("start") == "from motion":
-        wrong.append('start cannot be "from motion" without pictures: give at_s and std_s')
+        wrong.append(
+            'start cannot be "from motion" without pictures: "from flow", or at_s and std_s'
+        )
+    if kind == "pictures" and table.get("start") == "from flow":
+        wrong.append('start of pictures is "from motion", or at_s and std_s')
     if kind == "vectors" and tables.get("axes", {}).get("y") == "down":
         wrong.append('axes.y of vectors: their series counts y upwards, state y = "up"')
     return [key for key in needed if key not in given], wrong

@@ -28,7 +28,7 @@ from postprocess.lab.silhouette import (
 
 # state of a chain: x px, y px, angle, ln magnification (px per m), growth of the outline px, and
 # factor, delay s, stretch
-SIZE, GROWTH, LAW, DELAY, FACTORS = 8, 4, slice(5, 8), 6, [5, 7]
+SIZE, SCALE, GROWTH, LAW, DELAY, FACTORS = 8, 3, 4, slice(5, 8), 6, [5, 7]
 TABLE = 241  # shapes in the table that outlines are interpolated from
 REACH = 0.15  # of the simulation's range: how far a recording may bend beyond the simulation
 COLD = 2e-3  # share of the evidence at the beginning
@@ -38,6 +38,8 @@ JITTER = 1e-3  # of the chains' spread at the start, in each step
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(3)  # of a frame's deviation from the law
 # range of a single frame's bend, in standard deviations, and its step, in the table's
 FAR_OFF, FINE_STEP = 4.0, 0.1
+# of a single frame's pose: prior (px, px, rad) about that of all, and how many are tried
+POSE_STD, POSES = (6.0, 6.0, 0.04), 161
 
 
 @dataclass(frozen=True)
@@ -257,18 +259,34 @@ def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:
     return new, weight
 
 
-def single_pressures(
+def single_frames(
     frames: Frames, shapes: Shapes, state: np.ndarray, law: np.ndarray, deviation: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pressure of each frame (frame,) by itself at a state (8,), and its standard deviation.
+    """What each frame shows by itself, and its standard deviation: (4, frame) each.
 
-    By integration over a prior about `law` (frame,) of size `deviation`; all in Pa.
+    Pressure (Pa) at a state (8,), by integration over a prior about `law` (frame,) of size
+    `deviation` (Pa); then x, y (px) and angle (rad) of the pose at that pressure, each alone.
     """
     off = np.arange(-FAR_OFF, FAR_OFF, FINE_STEP / deviation * shapes.step)[:, None]
     tried = np.clip(law + off * deviation, shapes.pressures[0], shapes.pressures[-1])
     states = np.broadcast_to(state, (off.size, SIZE))
-    weight = frames.independent * shapes.scores(frames, states, shapes.places_of(tried))
-    weight = np.exp(weight - 0.5 * off**2 - (weight - 0.5 * off**2).max(axis=0))
+    found = [_expected(frames, shapes.scores(frames, states, shapes.places_of(tried)), off, tried)]
+    places = shapes.places_of(found[0][0])
+    off = np.linspace(-FAR_OFF, FAR_OFF, POSES)[:, None]
+    for k, size in enumerate(POSE_STD):
+        states = state + off * size * np.eye(SIZE)[k]
+        at = np.broadcast_to(places, (POSES, places.size))
+        tried = np.broadcast_to(states[:, [k]], at.shape)
+        found.append(_expected(frames, shapes.scores(frames, states, at), off, tried))
+    return np.array([mean for mean, _ in found]), np.array([std for _, std in found])
+
+
+def _expected(
+    frames: Frames, scores: np.ndarray, off: np.ndarray, tried: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation (frame,) of values tried (try, frame) with a Gaussian prior."""
+    weight = frames.independent * scores - 0.5 * off**2
+    weight = np.exp(weight - weight.max(axis=0))
     weight /= weight.sum(axis=0)
     mean = (weight * tried).sum(axis=0)
     return mean, np.sqrt((weight * (tried - mean) ** 2).sum(axis=0))

@@ -1,4 +1,4 @@
-"""Circulation and centre of the tip vortex, and the load, at the instants that tell most.
+"""Circulation and centre of the tip vortex at the instants that tell most.
 
 While the vortex is smaller than an interrogation window, PIV takes a large share off it. The
 virtual experiment shows that share, and the comparison begins where it costs least.
@@ -18,40 +18,38 @@ from piv.files.errors import StageError
 from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.lab.load import load_of_sheet
+from postprocess.lab.level import level_uncertainty
 from postprocess.lab.motion import Case, Effect
 from postprocess.lab.pose import Pose, camera_series
-from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
+from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
 
 COLUMNS = ("circulation", "x", "y")
 
 
 class Measured(NamedTuple):
-    """A quantity of the flow: its columns of a table, and how its instants are chosen."""
+    """A quantity of the flow: its columns of a table, unit and label, and its size.
+
+    `power`: of the scale, with which its values go; 0: a place. `lasts`: compared at all instants
+    from one on, in place of a third of them.
+    """
 
     columns: tuple[str, ...]
     unit: str
     label: str
-    power: int  # of the scale, with which its values go; 0: a place
-    lasts: bool = False  # compared at all instants from one on, in place of a third of them
-    relative: bool = False  # where its uncertainty is least in parts of it, since its sign changes
+    power: int
+    lasts: bool
 
 
 QUANTITIES = {
-    "circulation": Measured(
-        ("circulation",), "m²/s", "circulation of the tip vortex", 2, lasts=True
-    ),
-    "centre": Measured(("x", "y"), "m", "centre of the tip vortex", 0),
-    "load": Measured(
-        ("load",), "N m/m", "moment of the water on the finger, per depth", 4, relative=True
-    ),
+    "circulation": Measured(("circulation",), "m²/s", "circulation of the tip vortex", 2, True),
+    "centre": Measured(("x", "y"), "m", "centre of the tip vortex", 0, False),
 }
 FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
-SHARED = 9  # fields whose vectors a derivative in time shares, as a rule: loads beside each other
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
 # it may differ by as much
 UNLIKE = 1 / 3
+LINEAR = 0.15  # of what the recording's motion changes: the flow is taken to be linear in it
 
 
 def measure(
@@ -60,12 +58,18 @@ def measure(
     """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
 
     With their random standard uncertainties, over time; NaN where there is no vortex.
-    Vectors that are not `seen` do not count. ValueError where no vortex is near the finger's tip.
+    Vectors that are not `seen` do not count. StageError where no vortex is near the finger's tip.
     """
     counted = plane.drop_vars("flag", errors="ignore").assign(valid=usable(plane) & seen)
     table = tabulate_vortices(counted, sides.vortices)
     table, times = table[table["bridged"] == 0], plane["time"].values
-    track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
+    try:
+        track = tracks.dominant_track(table, 0, (times[0], times[-1]), name).set_index("time")
+    except ValueError as error:
+        raise StageError(
+            f"{error}: no tip vortex is seen; check the vectors in {name}.h5 (piv view), piv.window"
+            " and the seeding of the recording (docs/lab_protocol.md)"
+        ) from None
     wanted = [*COLUMNS, "radius", *(f"{column}_random_std" for column in COLUMNS)]
     out = track[wanted].astype(float).reindex(pd.Index(times, name="time"))
     places = pose.from_camera(out[["x", "y"]].to_numpy())
@@ -80,18 +84,15 @@ def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
         [usable(plane).values for plane in named.values()]
     )
     pose = case.registration.pose
-    return {
-        name: measure(sides, pose, plane, name, seen).assign(**sides.load.get(name, {}))
-        for name, plane in named.items()
-    }
+    return {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
 
 
 def flow_effects(
-    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path], density: float
+    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
 ) -> list[Effect]:
     """The effects with what each run changes of the flow, seen through this recording's pose.
 
-    `nominal`: sheet of the run itself; `sheets`: those of the others, by name; kg/m³.
+    `nominal`: sheet of the run itself; `sheets`: those of the others, by name.
     """
     pose, times = case.registration.pose, sides.direct["time"].values
     x, y = (sides.direct[axis].values for axis in ("x", "y"))
@@ -111,17 +112,20 @@ def flow_effects(
         table = {
             n: np.interp(times, at[known], v[known], np.nan, np.nan) for n, v in change.items()
         }
-        if sides.load:
-            of_run = load_of_sheet(sheet, case.kinematics.root, density, times)
-            table["load"] = of_run - sides.load["direct"]["load"]
         effects.append(replace(effect, table=pd.DataFrame(table)))
     return effects
 
 
-def known_instants(case: Case, measured: dict[str, pd.DataFrame], column: str) -> np.ndarray:
-    """Instants (n,) at which every side and run knows a column."""
+def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
+    """Instants (n,) at which every side and run knows the vortex; StageError of too few."""
     every = [*measured.values(), *(e.table for e in case.effects if e.table is not None)]
-    return np.flatnonzero(np.all([np.isfinite(t[column].to_numpy()) for t in every], axis=0))
+    seen = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
+    if seen.size < FEWEST:
+        raise StageError(
+            f"the tip vortex exists on all sides at only {seen.size} instants; three are needed:"
+            " take pictures of the whole stroke, or of more particles"
+        )
+    return seen
 
 
 def compared_instants(
@@ -145,9 +149,7 @@ def compared_instants(
     def predicted(rows: np.ndarray) -> float:
         noise = random / np.sqrt(independent_instants(times[rows], window_s))
         parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), noise]
-        most = float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
-        mean = abs(measured["direct"].loc[rows, names].mean().iloc[0])
-        return most / max(mean, 1e-30) if quantity.relative else most
+        return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
 
     starts = range(at.size - least + 1)
     ends = (None if quantity.lasts else k + least for k in starts)
@@ -169,26 +171,14 @@ def flow_quantities(
 ) -> list[ValidatedQuantity]:
     """The quantities with all their sources, as means over the instants that tell most.
 
-    The load is one of them where it is known. StageError for fewer than three instants of a vortex.
+    S is the simulation seen by PIV, with what finer runs and the recording's own motion change.
     """
-    registration, out = case.registration, []
-    seen = known_instants(case, measured, "circulation")
-    if seen.size < FEWEST:
-        raise StageError(
-            f"the tip vortex exists on all sides at only {seen.size} instants; three are needed:"
-            " take pictures of the whole stroke, or of more particles"
-        )
-    data, clock = measured["data"].loc[seen], sides.direct["time"].values
+    registration, out, at = case.registration, [], known_instants(case, measured)
+    data, clock = measured["data"].loc[at], sides.direct["time"].values
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
+    window_s = sides.window_m / float(speed)
     for name, one in QUANTITIES.items():
-        if name == "load" and not sides.load:
-            continue
-        columns, at = one.columns, known_instants(case, measured, one.columns[0])
-        if at.size < FEWEST:
-            continue
-        window_s = sides.window_m / float(speed)
-        if name == "load":
-            window_s = SHARED * float(np.median(np.diff(clock)))
+        columns = one.columns
         # what grid and masks hide is alike on both sides, which are seen through the same windows
         random = [f"{column}_random_std" for column in columns]
         ours_std, theirs_std = (
@@ -203,8 +193,6 @@ def flow_quantities(
             measured[side].loc[rows, list(columns)].to_numpy(float)
             for side in ("virtual", "direct", "data")
         )
-        if name == "load":  # its stated uncertainty is wider than what it scatters
-            variance = excess_scatter(times, ours - theirs, 0 * variance) ** 2
         excess = excess_scatter(times, ours - theirs, variance)
         value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
         if one.power:
@@ -212,8 +200,9 @@ def flow_quantities(
         else:
             turn = place_jacobian(registration.pose, value)
             seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
+        scale = case.kinematics.tip_width if name == "centre" else float(abs(value[0]))
+        moved, finer = corrections(case, columns, rows)
         how = f"{alike:.1f} of {times.size} instants count as independent"
-        changed = UNLIKE * np.abs((ours - direct).mean(axis=0))
         of_piv = "a third of what PIV changes of the simulation: the other flow may be unlike"
         sources = [
             *run_sources(case, columns, rows),
@@ -221,20 +210,27 @@ def flow_quantities(
             Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
             Source("pose", "data", seat, POSTERIOR),
             Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
-            Source("PIV", "data", changed, of_piv),
+            Source("PIV", "data", UNLIKE * np.abs((ours - direct).mean(axis=0)), of_piv),
         ]
-        added = sum((e.moves(columns, rows) for e in case.finer), np.zeros(len(columns)))
+        if moved is not None:
+            linear = LINEAR * np.abs(moved)
+            sources.append(Source("correction", "input", linear, "of what the motion changes"))
+        window = float(times[0]), float(times[-1])
+        level = level_uncertainty(case.levels, case.level, window)
+        if name in level:
+            std = np.full(len(columns), level[name] * scale / np.sqrt(len(columns)))
+            sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
         quantity = ValidatedQuantity(
             name,
             one.label,
             one.unit,
-            ours.mean(axis=0) + added,
+            ours.mean(axis=0) + sum(part for part in (moved, finer) if part is not None),
             value,
-            case.kinematics.tip_width if name == "centre" else float(abs(value[0])),
+            scale,
             sources,
-            explained_by_motion(case, columns, rows),
-            added if case.finer else None,
-            (float(times[0]), float(times[-1])),
+            moved,
+            finer,
+            window,
         )
         known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
         quantity.instant["simulation"] = np.linalg.norm(known, axis=0)
@@ -288,9 +284,20 @@ def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[
     return sources
 
 
-def explained_by_motion(
+def corrections(
     case: Case, columns: tuple[str, ...], rows: np.ndarray
-) -> np.ndarray | None:
-    """Part of S − D due to the difference of the motions; None where that is not known."""
-    parts = [e.share * e.moves(columns, rows) for e in case.of_motion if e.share is not None]
-    return -np.sum(parts, axis=0) if parts else None
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """What the recording's own motion, and finer numerics, add to S; None where not known."""
+    moved = [e.share * e.moves(columns, rows) for e in case.of_motion if e.share is not None]
+    finer = [e.moves(columns, rows) for e in case.finer]
+    return (np.sum(moved, axis=0) if moved else None, np.sum(finer, axis=0) if finer else None)
+
+
+def corrected(case: Case, table: pd.DataFrame) -> pd.DataFrame:
+    """A side's table at the recording's own motion, with finer numerics, at every instant."""
+    out = table.copy()
+    for e in case.effects:
+        share = 1.0 if e.of.kind == "numerical" else e.share
+        if share is not None and e.table is not None:
+            out[list(COLUMNS)] += share * e.table[list(COLUMNS)].to_numpy()
+    return out

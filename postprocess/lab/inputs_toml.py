@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from pipeline.scene.key_reference import complaints
 from pipeline.scene.toml_text import read_toml
 from piv.files.errors import StageError
 from piv.files.provenance import check_version
+from piv.files.record import NAME
 from postprocess.lab.dpiv_toml import Positive, Table
 
 # Roache (1994), eq. 5: order of the scheme, and the safety factor of two grids, which assume it
@@ -31,7 +32,7 @@ class Input(Table):
     """
 
     kind: ClassVar = "input"  # as `validation.KINDS` has it
-    name: str
+    name: Annotated[str, Field(pattern=f"^{NAME}$")]  # of the folder of its run
     key: str
     step: Positive
     limit: Positive

@@ -6,19 +6,17 @@ Bend and duration are quantities of the comparison; the flow is judged at the re
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
-from scipy.spatial import cKDTree
 
 from pipeline.formats.kinematics import SHAPE, Kinematics
 from piv.files.errors import StageError
-from piv.formats.plane_series import usable
-from postprocess.lab.fit_outline import REACH, law_pressure
+from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.inputs_toml import Finer, Input
+from postprocess.lab.level import EMPTY
 from postprocess.lab.register import Registration
 from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -28,14 +26,9 @@ QUANTITIES = (
     ("duration", "duration of the stroke", "s"),
 )
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
-# Ratio, either way, from which a stated rate or interval is wrong: sound recordings of a stroke 6 %
-# shorter than the simulation's have 0.84 (docs/record/laboratory.md, four seeds).
-CLEARLY = 1.25
-AT_PRESSURE = 0.015  # standard uncertainty of a coupled run at a measured pressure, of its values
-TABLE = 301  # shapes among which the nearest is sought
+INSTANTS = 801  # at which the bend is looked at
 BACK = 0.05  # of the largest bend, to the other side: beyond its shapes they go on straight
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
-STEP = 1e-3  # s, over which the outline's velocity is taken
 
 
 @dataclass(frozen=True)
@@ -71,15 +64,19 @@ class Effect:
 
 @dataclass(frozen=True)
 class Case:
-    """Motions of both sides, their flows (None: not compared), and the effects of the runs."""
+    """Motions of both sides, their flows (None: not compared), and the effects of the runs.
+
+    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `levels`: as
+    of `level.level_windows`, and the `level` that is compared.
+    """
 
     kinematics: Kinematics
     registration: Registration
-    bend_std: float  # rad, of the FEA at the end of the stroke; 0: its bands do not count
+    bend_std: float
     flow: Sides | None = None
     effects: list[Effect] = field(default_factory=list)
-    at_pressure: tuple[float, float] | None = None  # `difference` of a run at that measured
-    no_flow: str = ""  # why it is not compared
+    levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
+    level: str = ""
 
     @property
     def finer(self) -> list[Effect]:
@@ -98,70 +95,61 @@ def final_bend(kinematics: Kinematics, factor: float = 1.0) -> float:
     return float(kinematics.shape("bend", start + factor * (end - start)))
 
 
+def bend_done(kinematics: Kinematics, times: np.ndarray) -> np.ndarray:
+    """Share of the simulation's largest change of bend that is done at times (n,) s."""
+
+    def moved(at: np.ndarray) -> np.ndarray:
+        bend = kinematics.bend(kinematics.law(np.append(kinematics.time[0], at)))
+        return np.abs(bend[1:] - bend[0])
+
+    whole = moved(np.linspace(*kinematics.time, INSTANTS))
+    return np.asarray(moved(np.clip(times, *kinematics.time)) / whole.max())
+
+
 def stroke_duration(kinematics: Kinematics) -> float:
     """Time (s) from 5 to 95 % of the simulation's change of bend."""
-    times = np.linspace(*kinematics.time, 801)
-    bend = kinematics.bend(kinematics.law(times))
-    done = np.maximum.accumulate(np.abs(bend - bend[0])) / np.abs(bend - bend[0]).max()
+    times = np.linspace(*kinematics.time, INSTANTS)
+    done = bend_done(kinematics, times)
     first, last = (float(times[np.argmax(done >= part)]) for part in PARTS)
     return last - first
 
 
-def along_bend(motion: Kinematics) -> Kinematics:
+def over_bend(motion: Kinematics) -> Kinematics:
     """A motion whose shapes are known over time, as a coupled one's, with shapes over its bend.
 
-    The parameter is the angle (rad) by which the finger has bent. The shapes are those of the way
-    to the largest bend; at each instant the law names that which is nearest in its outline, as the
-    registration does. On the way it is the very shape, while the finger swings back another.
-    StageError for a finger that bends to both sides.
+    The parameter is the angle (rad) by which the finger has bent, the shapes are those of the way
+    to the largest bend. StageError for a finger that bends to both sides.
     """
-    bend = motion.data["shape_bend"].values
-    angle = (bend - bend[0]) * np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
+    bend, times = motion.data["shape_bend"].values, motion.law.x
+    sign = np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
+    angle = (bend - bend[0]) * sign
     if angle.min() < -BACK * angle.max():
         raise StageError(
             "COUPLED=1 compares a finger that bends to one side, and this one bends to both; cut"
             " the scene's strokes and the recording"
         )
-    reached = np.maximum.accumulate(np.concatenate([[-np.inf], angle[:-1]]))
-    way, last = [0], 0.0
-    for k in np.flatnonzero(angle > reached):
-        if angle[k] >= last + APART * angle.max():
-            way.append(int(k))
-            last = angle[k]
+    way = [0]
+    for k in range(angle.size):
+        if angle[k] >= angle[way[-1]] + APART * angle.max():
+            way.append(k)
     data = motion.data.isel({SHAPE: way}).assign_coords({SHAPE: angle[way]})
     splines = {
         name: CubicSpline(angle[way], of_time(of_time.x[way]))
         for name, of_time in motion.splines.items()
     }
-    table, times = np.linspace(0.0, angle[way[-1]], TABLE), motion.law.x
-    outlines = splines["outline"](table)
-    nearest = [_nearest(table, outlines, motion.shape("outline", motion.law(t))) for t in times]
-    return replace(motion, data=data, law=CubicSpline(times, nearest), splines=splines)
-
-
-def _nearest(values: np.ndarray, outlines: np.ndarray, own: np.ndarray) -> float:
-    """The value whose outline (point, 2) is nearest to `own`, across it, to second order."""
-    along = np.roll(own, -1, axis=0) - np.roll(own, 1, axis=0)
-    across = (outlines - own) @ np.array([[0.0, -1.0], [1.0, 0.0]]) * along
-    square = np.mean((across.sum(axis=-1) / np.hypot(*along.T)) ** 2, axis=-1)
-    k = min(max(int(np.argmin(square)), 1), len(values) - 2)
-    low, middle, high = square[k - 1 : k + 2]
-    part = np.clip(0.5 * (low - high) / (low - 2 * middle + high), -1.0, 1.0)
-    return float(values[k] + part * (values[1] - values[0]))
+    law = CubicSpline(times, (motion.bend(motion.law(times)) - bend[0]) * sign)
+    return replace(motion, data=data, law=law, splines=splines)
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
     """By how much final bend (rad) and duration (s) of another motion exceed the nominal ones.
 
-    Those of the nominal law, shifted and stretched, whose shapes are nearest to the other's.
+    Those of the nominal law, shifted and stretched, whose bend over time is nearest to the other's.
     """
-    times, span = np.linspace(*nominal.time, 101), nominal.high - nominal.low
-    table = np.linspace(nominal.low - REACH * span, nominal.high + REACH * span, TABLE)
-    outlines = nominal.shape("outline", table)
-    shapes = other.shape("outline", other.law(np.clip(times, *other.time)))
-    wanted = np.array([_nearest(table, outlines, shape) for shape in shapes])
+    times = np.linspace(*nominal.time, 101)
+    wanted = other.bend(other.law(np.clip(times, *other.time)))
     fit = least_squares(
-        lambda values: (law_pressure(nominal, times, values) - wanted) / span,
+        lambda values: nominal.bend(law_pressure(nominal, times, values)) - wanted,
         (1.0, 0.0, 1.0),
         x_scale=(0.01, 0.001, 0.01),
     )
@@ -203,18 +191,12 @@ def at_recorded_motion(case: Case) -> Case:
     return replace(case, effects=list(named.values()))
 
 
-def motion_quantities(
-    case: Case, moved: tuple[float, float] = (0.0, 0.0)
-) -> list[ValidatedQuantity]:
-    """Final bend angle and duration of the stroke; none where the recording does not show them.
-
-    Of a simulation whose motion is `moved` by a `difference`.
-    """
+def motion_quantities(case: Case) -> list[ValidatedQuantity]:
+    """Final bend angle and duration of the stroke; none where the recording does not show them."""
     if case.registration.times.size == 0:
         return []
     inputs, out = [e for e in case.effects if e.of.kind == "input"], []
-    motions = zip(QUANTITIES, _motions(case), moved, strict=True)
-    for (name, label, unit), (simulated, seen, std), more in motions:
+    for (name, label, unit), (simulated, seen, std) in zip(QUANTITIES, _motions(case), strict=True):
         sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
         for e in inputs:
             change = e.bend if name == "final_bend" else e.duration
@@ -223,55 +205,6 @@ def motion_quantities(
         if case.bend_std and name == "final_bend":
             band = np.array([case.bend_std])
             sources.append(Source("geometry and material", "input", band, "FEA's band"))
-        if any(moved):
-            part = np.array([AT_PRESSURE * seen])
-            sources.append(Source("sensor and coupled run", "input", part, "assumed"))
-        both = np.array([simulated + more]), np.array([seen])
+        both = np.array([simulated]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out
-
-
-def clock_ratio(case: Case, sides: Sides) -> float:
-    """Speed of the recording's water within a window of the finger over that of its silhouettes.
-
-    Relative to the same of the virtual experiment, in which boundary layer and window are alike.
-    Of vectors that both have beside both fingers: where these lie apart, one hides the other's.
-    """
-    law, planes = case.registration.law.values, (sides.data, sides.virtual)
-    grid = np.stack(np.meshgrid(sides.data["x"].values, sides.data["y"].values), axis=-1)
-    beside = np.logical_and(*(usable(plane).values for plane in planes))
-    walls = []
-    for plane, values in zip(planes, (law, np.array([1.0, law[1], 1.0])), strict=True):
-        ends = plane["time"].values + law[1] + STEP * np.array([[-0.5], [0.0], [0.5]])
-        shapes = case.kinematics.shape("outline", law_pressure(case.kinematics, ends, values))
-        before, now, after = case.registration.pose.to_camera(shapes)
-        found = [cKDTree(outline).query(grid) for outline in now]
-        beside &= np.array([away for away, _ in found]) < sides.window_m
-        speed = zip((after - before) / STEP, found, strict=True)
-        walls.append(np.array([each[nearest] for each, (_, nearest) in speed]))
-    slopes = []
-    for plane, wall in zip(planes, walls, strict=True):
-        water = np.stack([plane["u"].values, plane["v"].values], axis=-1)[beside]
-        slopes.append(np.sum(water * wall[beside]) / max(np.sum(wall[beside] ** 2), 1e-30))
-    return float(slopes[0] / slopes[1]) if slopes[1] else np.nan
-
-
-def check_clock(case: Case, sides: Sides, path: Path) -> Case:
-    """The case; StageError that names keys of `path` where the water contradicts the silhouettes.
-
-    Where a run at the measured pressure tells why the motion differs, only the flow is left out.
-    """
-    if case.registration.times.size == 0:
-        return case
-    ratio = clock_ratio(case, sides)
-    if np.isfinite(ratio) and not 1 / CLEARLY < ratio < CLEARLY:
-        why = (
-            f"the water beside the finger moves about {ratio:.2g} times as fast as the"
-            " finger in the pictures, which cannot be; frame_rate_hz (of pictures in pairs: the"
-            " pairs per second) or piv.interval_s is wrong by about this factor, or the motion"
-            f" differs in more than bend and duration; correct it in {path}"
-        )
-        if case.at_pressure is None:
-            raise StageError(why)
-        return replace(case, no_flow=why)
-    return case

@@ -67,19 +67,16 @@ def outline_profile(
     images: list[np.ndarray],
     evidence: WaterLikelihood,
     shapes: Shapes,
-    pose: Pose,
-    pressures: np.ndarray,
-    growth: float,
+    outlines: np.ndarray,
     blind: np.ndarray | None = None,
 ) -> OutlineProfile:
-    """The profile of frames (row 0 at the top) with the finger at `pressures` (frame,) Pa.
+    """The profile of frames (row 0 at the top) with their `outlines` (frame, point, 2) px, y up.
 
-    `growth` of the outline (px); `blind` (frame, rows, columns): pixels to leave out.
+    `blind` (frame, rows, columns): pixels to leave out.
     """
     part = _parts_of(shapes)
     count, area = np.zeros((2, len(images), len(NAMES), len(BANDS) - 1))
-    drawn = _seen_outlines(shapes, pose, pressures, growth)
-    for f, (image, outline) in enumerate(zip(images, drawn, strict=True)):
+    for f, (image, outline) in enumerate(zip(images, outlines, strict=True)):
         row, column = particles(image, evidence.threshold)
         spots = np.column_stack([column, image.shape[0] - 1 - row])
         low, high = outline.min(axis=0) - BANDS[-1], outline.max(axis=0) + BANDS[-1]
@@ -102,10 +99,10 @@ def outline_profile(
             band = np.digitize(distance, BANDS) - 1
             ok = (band >= 0) & (band < len(BANDS) - 1)
             np.add.at(total[f], (part[corner[nearest[near]]][ok], band[ok]), each)
-    return OutlineProfile(count, area, drawn, part)
+    return OutlineProfile(count, area, outlines, part)
 
 
-def _seen_outlines(shapes: Shapes, pose: Pose, pressures: np.ndarray, growth: float) -> np.ndarray:
+def seen_outlines(shapes: Shapes, pose: Pose, pressures: np.ndarray, growth: float) -> np.ndarray:
     """Outlines (frame, point, 2) px at `pressures` (frame,) Pa as the fit draws them."""
     at = np.clip(shapes.places_of(pressures), 0, len(shapes.pressures) - 1.001)
     k, w = at.astype(int), (at % 1)[:, None, None]

@@ -8,18 +8,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from piv.files.atomic import write_bytes, write_text
 from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
 from postprocess.lab import draw
-from postprocess.lab.check_fit import GREEN, ORANGE, outlined
-from postprocess.lab.dpiv_toml import Dpiv
+from postprocess.lab.causes import GREEN, ORANGE, outlined
 from postprocess.lab.fit_outline import law_pressure
-from postprocess.lab.motion import Case
 from postprocess.lab.recorded import LabRecording
-from postprocess.lab.validation import AGREES, DIFFERS, ERROR, MOTION, TOO_UNCERTAIN, UNCERTAIN
+from postprocess.lab.summary import Compared
+from postprocess.lab.validation import (
+    AGREES,
+    DIFFERS,
+    ERROR,
+    LEVEL_ERROR,
+    MOTION,
+    TOO_UNCERTAIN,
+    UNCERTAIN,
+    detectable_factor,
+    joint_level,
+)
 from postprocess.report.page_template import page_template
 from postprocess.words import NBSP, pair, size
 
@@ -34,25 +42,35 @@ WORDS = {
 TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
 
 
-def make_report(
-    path: Path,
-    title: str,
-    dpiv: Dpiv,
-    case: Case,
-    result: dict[str, Any],
-    series: pd.DataFrame | None,
-) -> Path:
-    """Write the page and its figures beside it; without a `series` the flow was not compared."""
-    figures = _figures(path.parent / "figures", dpiv, case, result, series)
-    write_text(path, page(title, result, figures))
+def make_report(path: Path, title: str, compared: Compared, result: dict[str, Any]) -> Path:
+    """Write the page and its figures beside it; those of one recording, of repeats the first."""
+    figures = _figures(path.parent / "figures", compared, result)
+    write_text(path, page(title, result, figures, _why_then(compared, result)))
     return path
 
 
-def page(title: str, result: dict[str, Any], pictures: dict[Path, str]) -> str:
-    """The page of a comparison; `pictures`: alternative text by file."""
+def _why_then(compared: Compared, result: dict[str, Any]) -> str:
+    """Why the circulation is compared at its instants, and not at its peak."""
+    series = compared.series
+    if series is None:
+        return ""
+    window = next(q["window"] for q in result["quantities"] if q["name"] == "circulation")
+    ours, seen = series["circulation_direct"], series["circulation_virtual"]
+    changed, inside = ((seen - ours) / ours).abs(), series["time"].between(*window)
+    peak = series["circulation_data"].abs().idxmax()
+    return (
+        f"PIV changes the simulation's circulation by {100 * changed[peak]:.0f}{NBSP}% at the peak"
+        f" ({series['time'][peak]:.3f}{NBSP}s), and by {100 * changed[inside].mean():.0f}{NBSP}% on"
+        " average where it counts; the other parts are the vectors' scatter and the numerics."
+    )
+
+
+def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str = "") -> str:
+    """The page of a comparison; `pictures`: alternative text by file, `why` its instants."""
     return page_template("lab.html").render(
         title=title,
         result=result,
+        why=why,
         answer=answer(result),
         pair=pair,
         size=size,
@@ -68,10 +86,9 @@ def _address(path: Path) -> str:
     return f"data:image/{TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def _figures(
-    folder: Path, dpiv: Dpiv, case: Case, result: dict[str, Any], series: pd.DataFrame | None
-) -> dict[Path, str]:
+def _figures(folder: Path, compared: Compared, result: dict[str, Any]) -> dict[Path, str]:
     """Draws all figures; their alternative texts."""
+    case, dpiv, series = compared.case, compared.dpiv, compared.series
     kinematics, registration = case.kinematics, case.registration
     law, pose, out = registration.law, registration.pose, {}
     tight: dict[str, Any] = {"bbox_inches": "tight"}
@@ -83,6 +100,8 @@ def _figures(
         middle = float(np.mean(circulation["window"]))
         write_picture(draw.flow(case.flow, series, pose, middle), path, quality=85)
         out[path] = "Vectors of the recording beside the simulation's"
+        path = save(draw.difference(case.flow), folder / "difference.png", **tight)
+        out[path] = "Difference of the velocities at three instants"
     path = save(draw.motion(kinematics, registration), folder / "motion.svg", **tight)
     out[path] = "Bend angle over time, simulation and recording"
     if dpiv.kind == "pictures":
@@ -105,14 +124,11 @@ def answer(result: dict[str, Any]) -> str:
     parts = [f"Motion: {WORDS[moves]}. Flow: {WORDS[result['flow']]}."]
     if moves is None:
         parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
-    parts += [_evidence(motion), _evidence(flow)]
+    parts += [_evidence(motion), _evidence(flow), _level(result, flow)]
     if moves in (ERROR, DIFFERS):
-        parts.append(_cause_of_motion(moves, result["registration"], result["at_pressure"] is None))
-        unused, no_flow = result["pressure_unused"], result["no_flow"]
-        parts.append(_by_pressure(result["at_pressure"], unused, bool(no_flow)))
-        parts += [f"The flow is not compared: {no_flow}."] if no_flow else []
+        parts.append(_cause_of_motion(moves, result["registration"]))
     if wrong:
-        parts.append(_blame_of_flow(moves, wrong))
+        parts.append(_cause_of_flow(moves, wrong, result["all_water"]))
     if flow and (missing := result["missing_runs"]):
         lacks = " and ".join(name for name in missing if name in ("grid", "time_step"))
         added = f", and S lacks what {lacks} would change" if lacks else ""
@@ -141,18 +157,39 @@ def _evidence(quantities: list[Quantity]) -> str:
 
 
 def _difference(q: Quantity) -> str:
-    """How a quantity differs, in words."""
+    """How a quantity differs, in words, and how well each side is known."""
     part = 100 * np.linalg.norm(q["error"]) / abs(q["scale"])
     off = f"{size(q['error'], q['unit'])} ({part:.0f}{NBSP}%)"
-    band, seen = (f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D"))
+    band, seen, inputs = (
+        f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D", "u_input")
+    )
     if q["verdict"] == DIFFERS:
-        return f"differs by {off}, known to {seen}, which the inputs' uncertainty allows ({band})"
+        return (
+            f"differs by {off}; the recording knows it to {seen}, and the simulation's inputs allow"
+            f" {inputs}"
+        )
     what = "the motion differs by" if q["name"] in MOTION else "model error of"
-    return f"{what} about {off}, known to {band}"
+    return f"{what} about {off}, known to {band} (recording {seen}, inputs {inputs})"
 
 
-def _cause_of_motion(moves: str, registration: dict[str, Any], correct: bool) -> str:
-    """How the recording's finger moves, and what to correct where no run tells more."""
+def _level(result: dict[str, Any], flow: list[Quantity]) -> str:
+    """Which level would decide, where the error of this one hides what is sought."""
+    hidden = [q for q in flow if q["verdict"] == UNCERTAIN and q["dominant"] == LEVEL_ERROR]
+    if not hidden:
+        return ""
+    why = "is a plane flow" if result["plane"] else "is too coarse"
+    text = f"Level {result['level']} {why}, and its own numerical error hides what is sought"
+    factor = detectable_factor(1, joint_level(len(result["quantities"])))
+    for level, known in result["levels"].items():
+        least = factor * max(known.get(q["name"], np.inf) for q in hidden)
+        if least <= TOO_UNCERTAIN and level != result["level"]:
+            found = f"errors above {100 * least:.0f}{NBSP}% would be found"
+            return f"{text}: compare at LEVEL={level} or finer ({found})."
+    return f"{text}: compare at LEVEL=coarse."
+
+
+def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
+    """How the recording's finger moves, and what to correct."""
     factor, stretch = (
         f"{registration[name]:.3f} ±{NBSP}{1.96 * registration[f'{name}_std']:.3f}"
         for name in ("pressure_factor", "stretch")
@@ -162,38 +199,26 @@ def _cause_of_motion(moves: str, registration: dict[str, Any], correct: bool) ->
     rate = ", or frame_rate_hz of dpiv.toml" if another else ""
     return (
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
-        " times as long." + (f" Correct motion.strokes of the scene{rate}." if correct else "")
+        f" times as long. Correct motion.strokes of the scene{rate}; whether water makes the"
+        " difference, COUPLED=1 with the measured pressure (motion.pressure_csv) tells."
     )
 
 
-def _by_pressure(made: list[Quantity] | None, unused: bool, or_clock: bool) -> str:
-    """Whether the measured pressure explains the motion; `made`: of a coupled run with it."""
-    if unused:
-        return (
-            "Whether pressure or structure is to blame needs a coupled run at the measured"
-            " pressure: compare at LEVEL=draft or finer, without --quick."
-        )
-    if made is None:
-        return ""
-    moved = " and ".join(f"{pair(q['simulation'], q['unit'])} ({q['label']})" for q in made)
-    text = f"With the measured pressure a coupled run has {moved}"
-    if any(q["verdict"] == ERROR for q in made):
-        return (
-            f"{text}, unlike the recording: the structure{' or the clock' if or_clock else ''} is"
-            " to blame (motion.states, structure.bending_stiffness)."
-        )
-    return f"{text}, as the recording: pressure and water explain it, motion.strokes do not."
-
-
-def _blame_of_flow(moves: str | None, wrong: list[Quantity]) -> str:
+def _cause_of_flow(moves: str | None, wrong: list[Quantity], all_water: float | None) -> str:
     """The cause of a flow that differs in the quantities `wrong`."""
+    first = ""
+    if all_water is not None:
+        first = (
+            f"All water moves {all_water:.2f} times as fast at every instant: check piv.interval_s"
+            " first. If it is right: "
+        )
     if moves is None:
-        return "The flow model is to blame, or a motion other than the simulated one."
-    if moves == AGREES or any(q["explained"] is not None for q in wrong):
-        return "The flow differs at the recording's own motion: the flow model is to blame."
+        return f"{first}The flow model is to blame, or a motion other than the simulated one."
+    if moves == AGREES or any(q["moved"] is not None for q in wrong):
+        return f"{first}The flow differs at the recording's own motion: the flow model is to blame."
     return (
-        "Whether motion or flow model is to blame is not known: the motion's effect on the flow"
-        " needs the runs pressure and duration."
+        f"{first}Whether motion or flow model is to blame is not known: the motion's effect on the"
+        " flow needs the runs pressure and duration."
     )
 
 

@@ -9,11 +9,13 @@ import xarray as xr
 
 from piv.files.errors import StageError
 from piv.foreign.read import read_own
+from piv.formats.plane_series import MASKED, usable
 from piv.images.calibration import Calibration, calibrate_plane, load_calibration, rectify_image
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
 from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.pose import Pose
+from postprocess.lab.register import Registration
 
 
 class LabRecording(Recording):
@@ -37,7 +39,7 @@ class LabRecording(Recording):
         self.times = frames / dpiv.frame_rate_hz
         if paired:
             self.times = frames // 2 / dpiv.frame_rate_hz + frames % 2 * dpiv.interval
-        self._mirror = dpiv.axes.x == "left"
+        self._mirror, self._down = dpiv.axes.x == "left", dpiv.axes.y == "down"
         name = dpiv.scale.calibration
         self.calibration: Calibration | None = None
         if name:
@@ -49,6 +51,11 @@ class LabRecording(Recording):
             image = rectify_image(image, self.calibration)
         return np.ascontiguousarray(image[:, ::-1]) if self._mirror else image
 
+    def turned(self, at: tuple[float, float]) -> tuple[float, float]:
+        """A place (px) of the laboratory's axes in the upright picture, or the other way."""
+        (rows, columns), (x, y) = self.shape, at
+        return (columns - 1 - x if self._mirror else x, rows - 1 - y if self._down else y)
+
     def close(self) -> None:
         """Close the files."""
         self._source.close()
@@ -59,11 +66,28 @@ def stated_pose(dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]) 
     assert dpiv.axes.root_px is not None
     scale = (recording.calibration or dpiv.scale).scale_mm_per_px
     assert scale is not None
-    rows, columns = recording.shape
-    x, y = dpiv.axes.root_px
-    x = columns - 1 - x if dpiv.axes.x == "left" else x
-    y = rows - 1 - y if dpiv.axes.y == "down" else y
-    return Pose(scale, float(np.radians(dpiv.axes.turn_deg)), root, (x, y))
+    turn = float(np.radians(dpiv.axes.turn_deg))
+    return Pose(scale, turn, root, recording.turned(dpiv.axes.root_px))
+
+
+def recording_quality(
+    dpiv: Dpiv, registration: Registration, plane: xr.Dataset | None
+) -> dict[str, float]:
+    """How good a recording is: pictures that were fitted, and their particles per pixel; fields,
+    share of the vectors that count, and displacement (px) of the fastest water, of its PIV.
+    """
+    out = {"pictures": float(registration.times.size), "density_ppp": registration.density}
+    if plane is not None:
+        ok, water = (
+            usable(plane).values,
+            plane["flag"].values != MASKED if "flag" in plane else True,
+        )
+        speed = np.hypot(plane["u"].values, plane["v"].values)[ok]
+        px = registration.pose.pixel * (dpiv.scale.pixel if dpiv.kind == "vectors" else 1.0)
+        out["fields"] = float(plane.sizes["time"])
+        out["valid"] = float(ok.sum() / np.sum(np.broadcast_to(water, ok.shape)))
+        out["displacement_px"] = float(np.quantile(speed, 0.999) * dpiv.interval / px)
+    return out
 
 
 def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
@@ -99,6 +123,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
                 f"{path}: the vectors carry no uncertainty; give vectors.std_px in dpiv.toml, the"
                 " standard uncertainty of a displacement in px"
             )
-        std = np.full(plane["u"].shape, dpiv.vectors.std_px * dpiv.scale.pixel / dpiv.interval)
+        one = dpiv.vectors.std_px * dpiv.scale.pixel / dpiv.interval
+        std = np.full(plane["u"].shape, one / dpiv.vectors.repeats**0.5)
         plane = plane.assign(u_std=(plane["u"].dims, std), v_std=(plane["u"].dims, std))
     return plane.assign_coords(time=plane["time"].values - float(plane["time"][0]))

@@ -1,14 +1,16 @@
 """Pose, clock and motion of the finger in a laboratory's pictures, relative to the simulation.
 
-One pose for all frames, with the stated scale as a prior; the simulation's law as
-start + a (p((t - delay)/d) - start). Both are fitted to all silhouettes (`fit_outline`): roughly,
-each frame loosely bound to the law; then with the scatter about it that the first fit found.
-What each frame shows by itself is found last, at that pose.
+One pose for all frames; the simulation's law as start + a (p((t - delay)/d) - start). The pictures
+alone are fitted first (`fit_pictures`): roughly, each frame loosely bound to the law; then with the
+scatter about it that the first fit found. `causes` compares that with what is stated. What is
+stated of scale and clock then sharpens it (`register`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from postprocess.lab.fit_outline import (
     FACTORS,
     GROWTH,
     LAW,
+    SCALE,
     SIZE,
     Frames,
     Shapes,
@@ -30,12 +33,18 @@ from postprocess.lab.fit_outline import (
     pose_of,
     prepare,
     shapes_of,
-    single_pressures,
+    single_frames,
     state_of,
 )
-from postprocess.lab.outline_profile import blind_parts, independent_share, outline_profile
+from postprocess.lab.outline_profile import (
+    OutlineProfile,
+    blind_parts,
+    independent_share,
+    outline_profile,
+    seen_outlines,
+)
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import ROUGH_PX, WaterLikelihood, learn
+from postprocess.lab.silhouette import FINE_PX, ROUGH_PX, learn
 
 MAX_FRAMES, LEARN_FROM = 60, 4
 REST = 0.003  # of the range of pressure: nearer to its start the finger is at rest
@@ -46,19 +55,26 @@ FREE, LOOSE, TIED = 0.05, 0.01, 0.001
 ROOT_STD, TURN_STD = 1.5e-3, np.radians(1.5)
 GROWTH_STD = 1.5  # px, of the outline: blur and the mould's tolerance
 OUTLINE_STD = 0.15  # px: no end of an outline is known better, whatever the particles say
-LAW_STD = 0.3  # weak prior of factor and stretch about 1, for parts of the motion
-FINER = 4.0  # ratio of those to what the rough fit leaves
-ROUGH_POINTS, FINE_POINTS = 3, 2  # of the outline's points one is used
-ROUGH, FINE = (6, 20), (6, 60)  # sweeps at each heat, and those that are kept
+# weak priors, by which the pictures alone decide: of factor and stretch, scale, delay (s)
+LAW_STD, WEAK_SCALE, WEAK_DELAY = 0.3, 0.05, 0.02
+FINER = 4.0  # ratio of the spread at the start of the rough fit to that of the fine one
+# of the outline's points one in so many, blur (px), and sweeps at each heat and kept
+ROUGH, FINE = (3, ROUGH_PX, (6, 20)), (2, FINE_PX, (6, 60))
 # spread of factor, delay (s) and stretch at the start
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
-# what may be stated wrongly by a factor: the rate of pictures, the scale
-RATES, SCALES = (0.1, 0.2, 0.5, 2.0, 5.0, 10.0), (0.5, 2.0)
-CLEARLY = 1.3  # times the evidence of what is stated, from which an alternative is the truth
-STRETCHED = 1.5  # duration, either way, up to which a fit is one of the stated rate
-COARSE_S = 0.012  # s between delays that are tried
-# growth of the outline (px): a smaller one tolerates a rough pose and reflections
-GROWN_PX = -3.0
+# where the fit begins: durations over the simulation's, scales over the stated one, delays of each,
+# growth of the outline (px; a smaller one tolerates a rough pose and reflections)
+STRETCHES, SCALES = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5), (0.5, 0.7, 1, 1.4, 2)
+DELAYS, GROWN_PX = 140, -3.0
+MIRRORED = 1.3  # times the evidence, from which the finger bends to the other side
+
+
+Place = Callable[[tuple[float, float]], tuple[float, float]]
+
+
+def as_it_is(at: tuple[float, float]) -> tuple[float, float]:
+    """The place itself."""
+    return at
 
 
 @dataclass(frozen=True)
@@ -88,8 +104,8 @@ class Registration:
     """Pose of the tank frame in the pictures, and the law of motion.
 
     `covariance`: of (x px, y px, angle, ln magnification). `growth` (px): of the outline, as it is
-    seen. `pressures` and `pressures_std` (frame,) Pa: what each frame at `times` (s of the
-    recording's clock) shows by itself; none of vectors.
+    seen. `pressures` (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by
+    itself; none of vectors. `place`: as of `Known`.
     """
 
     pose: Pose
@@ -98,8 +114,9 @@ class Registration:
     law: Law
     times: np.ndarray
     pressures: np.ndarray
-    pressures_std: np.ndarray
     stated: Pose
+    density: float = 0.0  # particles per pixel of the water; 0 of vectors
+    place: Place = as_it_is
 
     def summary(self) -> dict[str, Any]:
         """What was found, and its difference from what is stated, in a laboratory's units."""
@@ -110,7 +127,7 @@ class Registration:
             "scale_std_percent": 100 * std[3],
             "turn_deg": np.degrees(pose.angle),
             "turn_std_deg": np.degrees(std[2]),
-            "root_px": pose.at_px,
+            "root_px": self.place(pose.at_px),
             "root_std_mm": std[:2] * scale,
             "delay_ms": law.delay * 1e3,
             "delay_std_ms": law.std("delay") * 1e3,
@@ -120,7 +137,7 @@ class Registration:
             "stretch_std": law.std("stretch"),
             "scale_against_stated_percent": 100 * (scale / stated.scale_mm_per_px - 1),
             "turn_against_stated_deg": np.degrees(pose.angle - stated.angle),
-            "root_against_stated_mm": (np.asarray(pose.at_px) - stated.at_px) * scale,
+            "root_against_stated_px": np.subtract(self.place(pose.at_px), self.place(stated.at_px)),
         }
 
 
@@ -132,7 +149,7 @@ class Known:
     standard uncertainty (None: from the motion); `paired`: the first of each pair of frames is
     used; `hidden`: length (m) of the finger that is hidden from its root on; `light_from`:
     direction (rad) of light from one side; `length_std`: relative standard uncertainty of the
-    finger's length.
+    finger's length; `place`: from the pose's pixels to those of the laboratory's axes.
     """
 
     pose: Pose
@@ -143,6 +160,7 @@ class Known:
     hidden: float = 0.0
     light_from: float | None = None
     length_std: float = 0.0
+    place: Place = as_it_is
 
     def chosen(self, count: int) -> np.ndarray:
         """Indices of the frames of `count` that are fitted."""
@@ -151,138 +169,139 @@ class Known:
         return frames[evenly.round().astype(int)]
 
 
-def learned(images: list[np.ndarray], known: Known, pose: Pose, width: float) -> WaterLikelihood:
-    """The likelihood of some of the images, of a finger of a `width` (m)."""
-    some = images[:: max(1, len(images) // LEARN_FROM)]
-    return learn(some, light_from=known.light_from, width_px=width / pose.pixel)
+@dataclass(frozen=True)
+class Fit:
+    """What the pictures alone show.
 
-
-def register(
-    recording: Recording, times: np.ndarray, kinematics: Kinematics, known: Known, seed: int = 1
-) -> Registration:
-    """Register a recording (frame times in s of its clock) to the simulation's finger.
-
-    StageError in one sentence where it fails.
+    `state` (8,) of `fit_outline` with its `covariance`; `singles` and `singles_std` (4, frame): of
+    `single_frames`; `law` (frame,) Pa: the fitted law at `times` (s); `interval` (s): between two
+    pictures of the recording.
     """
+
+    images: list[np.ndarray]
+    times: np.ndarray
+    interval: float
+    state: np.ndarray
+    covariance: np.ndarray
+    law: np.ndarray
+    singles: np.ndarray
+    singles_std: np.ndarray
+    profile: OutlineProfile
+
+
+def fit_pictures(
+    recording: Recording, times: np.ndarray, kinematics: Kinematics, known: Known, seed: int = 1
+) -> Fit:
+    """Fit a recording (frame times in s of its clock); StageError in one sentence if that fails."""
     chosen = known.chosen(len(recording))
-    images, times = [recording.frame(int(i)) for i in chosen], times[chosen]
-    pose = known.pose
-    evidence = learned(images, known, pose, kinematics.tip_width)
+    images, pose = [recording.frame(int(i)) for i in chosen], known.pose
+    interval = float(np.ptp(times[chosen]) / max(np.ptp(chosen), 1) * (2 if known.paired else 1))
+    times = times[chosen]
+    some = images[:: max(1, len(images) // LEARN_FROM)]
+    evidence = learn(some, None, known.light_from, kinematics.tip_width / pose.pixel)
     shapes, span = shapes_of(kinematics), kinematics.high - kinematics.low
-    few = shapes.thinned(ROUGH_POINTS)
     state, about = state_of(pose, np.array([1.0, 0.0, 1.0])), np.full(SIZE, np.inf)
     about[FACTORS], about[GROWTH] = LAW_STD, GROWTH_STD
-    begin = np.array([*[ROOT_STD / pose.pixel] * 2, TURN_STD, 0.0, 0.5, *LAW_ABOUT])
-    reach, step = np.ptp(times) + 0.1, 0.006
-    about[3] = begin[3] = float(np.hypot(known.scale_std, known.length_std))
+    about[SCALE] = max(WEAK_SCALE, known.scale_std)
     if known.delay is not None:
-        state[DELAY], about[DELAY] = known.delay[0], max(known.delay[1], 1e-5)
-        reach, step = max(0.04, 3 * about[DELAY]), 0.004
-    first, loose = state.copy(), np.full(times.size, LOOSE * span)
-    outlines = np.empty((times.size, 0, 2))
-    for light in (None,) if known.light_from is None else (None, *[known.light_from] * 2):
-        # the shaded side is found from the lit one
-        blind = blind_parts(outlines, pose, kinematics, recording.shape, known.hidden, light)
-        frames = prepare(images, times, evidence, blind, ROUGH_PX)
-        if light is None:
-            delays = state[DELAY] + np.arange(-reach, reach, step)
-            first[DELAY] = best_delay(frames, few, state, delays)[0]
-            wrong = stated_wrongly(frames, few, state)
-        try:
-            samples = fit_outline(frames, few, first, begin, (state, about), loose, ROUGH, seed)
-        except StageError as error:
-            raise StageError(wrong[1] or str(error)) from error
-        rough = samples.mean(axis=0)
-        law, deviation = law_pressure(kinematics, times, rough[LAW]), FREE * span
-        seen, std = single_pressures(frames, few, rough, law, deviation)
-        found = pose_of(rough, kinematics.root), seen, float(rough[GROWTH])
-        profile = outline_profile(images, evidence, shapes, *found, blind)
-        outlines = profile.outlines
-    rough[GROWTH] = GROWN_PX
-    worse = wrong[0] > CLEARLY * few.scores(frames, rough[None], few.places_of(seen)[None]).sum()
-    if wrong[1] and (worse or not 1 / STRETCHED < rough[-1] < STRETCHED):
-        raise StageError(wrong[1])
-    # particles that go along with the finger make pictures less independent than they look
-    share = independent_share(profile)
-    frames = prepare(images, times, evidence, blind, independent=share)
-    scatter = np.sqrt(max(np.mean((seen - law) ** 2 - std**2), (TIED * span) ** 2))
-    at_rest = np.abs(law - kinematics.law(kinematics.time[0])) < REST * span
-    apart = np.where(at_rest, min(scatter, REST_STD * span), scatter)
-    begin[:4] /= FINER
-    samples = fit_outline(
-        frames, shapes.thinned(FINE_POINTS), samples.mean(axis=0), begin, (state, about), apart,
-        FINE, seed + 1,
-    )  # fmt: skip
-    fine, spread = samples.mean(axis=0), np.cov(samples.T)
-    law = law_pressure(kinematics, times, fine[LAW])
-    seen, std = single_pressures(frames, shapes, fine, law, deviation)
-    length = kinematics.length / (pose := pose_of(fine, kinematics.root)).pixel
-    spread[:4, :4] += (OUTLINE_STD * np.diag([1, 1, 2**0.5 / length, 2**0.5 / length])) ** 2
-    misfit = float(np.sqrt(np.mean((seen - law) ** 2)))
-    motion = Law(fine[LAW], spread[LAW, LAW], misfit), times, seen, std
-    registration = Registration(pose, spread[:4, :4], float(fine[GROWTH]), *motion, known.pose)
-    return with_length(registration, known.scale_std, known.length_std)
+        state[DELAY], about[DELAY] = known.delay[0], max(3 * known.delay[1], WEAK_DELAY)
+    begin = np.array([*[ROOT_STD / pose.pixel] * 2, TURN_STD, known.scale_std, 0.5, *LAW_ABOUT])
+    light = known.light_from
+    passes = [ROUGH] * (1 if light is None else 3) + [FINE]  # the shade is found from the lit side
+    blind = blind_parts(
+        np.empty((times.size, 0, 2)), pose, kinematics, recording.shape, known.hidden, None
+    )
+    first, apart, share = state, np.full(times.size, LOOSE * span), 1.0
+    for number, (every, blur_px, sweeps) in enumerate(passes):
+        frames = prepare(images, times, evidence, blind, blur_px, share)
+        few = shapes.thinned(every)
+        if number == 0:
+            first = _beginning(frames, few, state, about[DELAY])
+        elif (every, blur_px, sweeps) == FINE:
+            begin[:4] /= FINER
+        samples = fit_outline(
+            frames, few, first, begin, (state, about), apart, sweeps, seed + number
+        )
+        first = samples.mean(axis=0)
+        law = law_pressure(kinematics, times, first[LAW])
+        singles, std = single_frames(frames, shapes, first, law, FREE * span)
+        found = pose_of(first, kinematics.root)
+        outlines = seen_outlines(shapes, found, singles[0], float(first[GROWTH]))
+        blind = blind_parts(outlines, found, kinematics, recording.shape, known.hidden, light)
+        profile = outline_profile(images, evidence, shapes, outlines, blind)
+        # particles that go along with the finger make pictures less independent than they look
+        share = independent_share(profile)
+        scatter = np.sqrt(max(np.mean((singles[0] - law) ** 2 - std[0] ** 2), (TIED * span) ** 2))
+        at_rest = np.abs(law - kinematics.law(kinematics.time[0])) < REST * span
+        apart = np.where(at_rest, min(scatter, REST_STD * span), scatter)
+    covariance = np.cov(samples.T)
+    ends = 2**0.5 * pose.pixel / kinematics.length
+    covariance[: SCALE + 1, : SCALE + 1] += (OUTLINE_STD * np.diag([1, 1, ends, ends])) ** 2
+    return Fit(images, times, interval, first, covariance, law, singles, std, profile)
 
 
-def best_delay(
-    frames: Frames, shapes: Shapes, state: np.ndarray, delays: np.ndarray
-) -> tuple[float, float]:
-    """The delay (s) at which a motion fits the frames best, and its evidence; `state` (8,)."""
-    states = np.tile(state, (delays.size, 1))
-    states[:, DELAY] = delays
-    places = shapes.places(frames.times, states[:, LAW])
-    scores = shapes.scores(frames, states, places).sum(axis=1)
-    best = int(np.argmax(scores))
-    return float(delays[best]), float(scores[best])
+def _beginning(frames: Frames, shapes: Shapes, state: np.ndarray, delay_std: float) -> np.ndarray:
+    """The state (8,) from which the fit begins: the best of many durations and delays.
 
-
-def stated_wrongly(frames: Frames, shapes: Shapes, state: np.ndarray) -> tuple[float, str]:
-    """Evidence of the best alternative to what is stated, and a sentence on it.
-
-    An empty sentence where what is stated explains the frames about as well.
+    StageError where the finger bends to the other side.
     """
     span, lasts = float(np.ptp(frames.times)), float(np.ptp(shapes.kinematics.time))
 
-    def score(stretch: float = 1.0, scale: float = 1.0, of: Shapes = shapes) -> float:
-        reach = max(span, stretch * lasts)
-        delays = np.arange(-reach, span, max(COARSE_S * stretch, reach / 80))
-        seen = np.array([*state[:3], state[3] - np.log(scale), GROWN_PX, 1, 0, stretch])
-        return best_delay(frames, of, seen, delays)[1]
+    if np.isinf(delay_std):
+        middle, reach = float(frames.times[0]), np.array([-lasts, span])
+    else:
+        middle, reach = 0.0, 2 * delay_std * np.array([-1.0, 1.0])
 
-    others = {
-        "the finger bends to the other side than the simulation's; the pictures are mirrored:"
-        ' correct axes.x in dpiv.toml ("left" where it is "right")': score(of=shapes.mirrored())
-    }
-    for factor in SCALES:
-        text = f"the finger is as long as if the scale were {factor:g} times the stated one"
-        others[f"{text}; correct [scale] in dpiv.toml"] = score(scale=factor)
-    for factor in RATES:
-        text = f"the finger moves as if the pictures were taken {factor:g} times as fast as stated"
-        text += "; correct frame_rate_hz in dpiv.toml (of pictures in pairs: the pairs per second),"
-        others[f"{text} or motion.strokes of the scene"] = score(stretch=factor)
-    shown, best = max((evidence, text) for text, evidence in others.items())
-    return (shown, best) if shown > CLEARLY * max(score(), 0.0) else (-np.inf, "")
+    def best(of: Shapes) -> tuple[float, np.ndarray]:
+        found = (-np.inf, state)
+        for stretch, scale in product(STRETCHES, SCALES):
+            tried = np.tile(state, (DELAYS, 1))
+            low = reach[0] * (stretch if np.isinf(delay_std) else 1.0)
+            tried[:, DELAY] += middle + np.linspace(low, reach[1], DELAYS)
+            tried[:, GROWTH], tried[:, LAW.stop - 1] = GROWN_PX, stretch
+            tried[:, SCALE] -= np.log(scale)
+            scores = of.scores(frames, tried, of.places(frames.times, tried[:, LAW])).sum(axis=1)
+            k = int(np.argmax(scores))
+            found = max(found, (float(scores[k]), tried[k]), key=lambda one: one[0])
+        return found
+
+    (evidence, first), (other, _) = best(shapes), best(shapes.mirrored())
+    if other > MIRRORED * max(evidence, 0.0):
+        raise StageError(
+            "the finger bends to the other side than the simulation's: the pictures are mirrored;"
+            ' correct axes.x in dpiv.toml ("left" where it is "right")'
+        )
+    first[GROWTH] = 0.0
+    return first
 
 
-def with_length(registration: Registration, scale_std: float, length_std: float) -> Registration:
-    """A registration with the uncertainty `length_std` (relative) of the finger's length.
-
-    The fit's prior is of scale and length together; the change of the scale is shared by variance.
-    """
-    share = scale_std**2 / (scale_std**2 + length_std**2)
-    pose = registration.pose
-    factor = (pose.pixel / registration.stated.pixel) ** (share - 1)
-    pose = replace(pose, scale_mm_per_px=factor * pose.scale_mm_per_px)
-    turn = np.diag([1.0, 1.0, 1.0, share])
-    covariance = turn @ registration.covariance @ turn
-    covariance[3, 3] += share * length_std**2
-    return replace(registration, pose=pose, covariance=covariance)
+def register(fit: Fit, kinematics: Kinematics, known: Known) -> Registration:
+    """The registration: what the pictures show, with what is stated of scale and clock."""
+    state, covariance = fit.state.copy(), fit.covariance.copy()
+    covariance[SCALE, SCALE] += known.length_std**2  # a finger of another length
+    stated = [(SCALE, -np.log(known.pose.pixel), known.scale_std)]
+    if known.delay is not None:
+        stated.append((DELAY, *known.delay))
+    for at, value, std in stated:
+        gain = covariance[:, at] / (covariance[at, at] + std**2)
+        state += gain * (value - state[at])
+        covariance -= np.outer(gain, covariance[at])
+    misfit = float(np.sqrt(np.mean((fit.singles[0] - fit.law) ** 2)))
+    law = Law(state[LAW], covariance[LAW, LAW], misfit)
+    pose = pose_of(state, kinematics.root)
+    return Registration(
+        pose, covariance[:4, :4], float(state[GROWTH]), law, fit.times, fit.singles[0],
+        known.pose, fit.profile.rate(), known.place,
+    )  # fmt: skip
 
 
 def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
-    """The registration of vectors as stated; the picture's unit is the stated metre."""
-    axes, start = dpiv.axes, dpiv.start
-    assert isinstance(start, Start)
+    """The registration of vectors as stated; the picture's unit is the stated metre.
+
+    Of vectors without a clock `clock.onset` finds the delay.
+    """
+    axes = dpiv.axes
+    start = dpiv.start if isinstance(dpiv.start, Start) else Start(at_s=0.0, std_s=0.0)
     assert axes.root_mm
     assert axes.root_std_mm
     x, y = np.array(axes.root_mm) * 1e-3
@@ -291,5 +310,4 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
     pose = Pose(1e3, float(np.radians(axes.turn_deg)), kinematics.root, at)
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
-    none = np.empty(0)
-    return Registration(pose, covariance, 0.0, law, none, none, none, pose)
+    return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), pose)

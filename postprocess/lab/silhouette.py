@@ -72,7 +72,15 @@ def learn(
 
     `light_from` (rad): only what lies within `width_px` of the lit side is surely the body.
     """
-    masks = [dark_body(f) for f in frames] if masks is None else masks
+    if masks is None:
+        try:
+            masks = [dark_body(f) for f in frames]
+        except ValueError as error:
+            raise StageError(
+                f"the finger is not seen as a dark region ({str(error).split(';')[0]}): the"
+                " pictures are too dim or hold too few particles; record more light and 0.03 to"
+                " 0.08 particles per pixel (docs/lab_protocol.md), or brighten them before"
+            ) from None
     cores, clears = [shrunk(m, CORE_PX) for m in masks], [shrunk(~m, CLEAR_PX) for m in masks]
     if light_from is not None:
         onward = _UNSHADED * width_px * np.array([-np.cos(light_from), np.sin(light_from)])

@@ -1,12 +1,12 @@
 """Validation after ASME V&V 20: comparison error E = S − D, its uncertainty u_val, the verdict.
 
-The flow's S is the nominal run plus what the finer runs change, at the recording's own motion.
+The flow's S is the nominal run plus what the finer runs and the recording's own motion change.
 E estimates the model's error within ± k u_val, u_val² = Σ u² over numerics, inputs and data.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
 DIFFERS = "differs within the inputs"  # beyond the data's uncertainty, within the inputs'
 MOTION = ("final_bend", "duration")  # what the silhouette shows
 TOO_UNCERTAIN = 0.3  # of a quantity: where an error of this size could hide, nothing is said
-POSTERIOR = "posterior of the registration"
+SHARED = ("PIV",)  # sources of the data that repeats have in common
+POSTERIOR, LEVEL_ERROR = "posterior of the registration", "level"
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class Source:
 class ValidatedQuantity:
     """One quantity: simulation (seen by PIV) and data, (component,), in SI.
 
-    `scale`: its size, for percentages. `explained`: part of S − D due to the difference of the
-    motions, which is not in E; None where it is not known. `finer`: part of S that the finer runs
-    have added. `window` (s): of the instants. `instant`: standard uncertainty of each side there.
+    `scale`: its size, for percentages. `moved`, `finer`: what the recording's own motion and the
+    finer runs have added to S; None where not known. `window` (s): of the instants. `instant`:
+    standard uncertainty of each side there.
     """
 
     name: str
@@ -48,16 +49,15 @@ class ValidatedQuantity:
     data: np.ndarray
     scale: float
     sources: list[Source] = field(default_factory=list)
-    explained: np.ndarray | None = None
+    moved: np.ndarray | None = None
     finer: np.ndarray | None = None
     window: tuple[float, float] | None = None
     instant: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def error(self) -> np.ndarray:
-        """E, (component,): S − D at the recording's motion, where its effect is known."""
-        difference = self.simulation - self.data
-        return difference if self.explained is None else difference - self.explained
+        """E = S − D, (component,)."""
+        return self.simulation - self.data
 
     @property
     def u_val(self) -> np.ndarray:
@@ -109,6 +109,34 @@ def detectable_factor(components: int, level: float = LEVEL) -> float:
 def joint_level(quantities: int) -> float:
     """Level of each of so many tests at which all hold with probability `LEVEL` (Šidák)."""
     return LEVEL ** (1 / quantities)
+
+
+def repeated(repeats: list[ValidatedQuantity]) -> ValidatedQuantity:
+    """One quantity of n repeats: means over them.
+
+    What is a recording's own counts by 1/√n, and so does what E scatters from repeat to repeat
+    beyond it; what all share counts whole.
+    """
+    first, n = repeats[0], len(repeats)
+    if n == 1:
+        return first
+    names = list(dict.fromkeys(s.name for q in repeats for s in q.sources))
+    sources, own = [], np.zeros_like(first.error)
+    for name in names:
+        found = [s for q in repeats for s in q.sources if s.name == name]
+        square = np.sum([s.std**2 for s in found], axis=0) / n
+        if found[0].kind == "data" and name not in SHARED:
+            own = own + square
+            square = square / n
+        sources.append(replace(found[0], std=np.sqrt(square)))
+    seen = np.var([q.error for q in repeats], axis=0, ddof=1)
+    excess = np.sqrt(np.maximum(seen - own, 0.0) / n)
+    sources.append(Source("repeats", "data", excess, f"of E from repeat to repeat, n = {n}"))
+    means = {
+        name: np.mean([getattr(q, name) for q in repeats], axis=0)
+        for name in ("simulation", "data")
+    }
+    return replace(first, **means, sources=sources)
 
 
 def judged(q: ValidatedQuantity, level: float = LEVEL) -> dict[str, Any]:

@@ -5,13 +5,12 @@ A laboratory's pictures are moved by the simulation's flow, and both are evaluat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import pandas as pd
 import xarray as xr
 from scipy.ndimage import distance_transform_edt
 
@@ -47,8 +46,6 @@ class Sides:
     direct: xr.Dataset
     vortices: VortexSettings
     window_m: float  # interrogation window
-    load: dict[str, pd.DataFrame] = field(default_factory=dict)  # of each side, where it is known
-    no_load: str = ""  # why it is not known
 
 
 def both_sides(

@@ -1,6 +1,7 @@
 """plan.json: the stale stages of a study's runs, as jobs for Snakemake."""
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run, run_of
 from pipeline.runs.stages import BY_NAME
 from piv.files.errors import StageError
-from piv.files.record import forget, record_path
+from piv.files.record import check_own, forget, record_path
 from softfinger.make import Machine, make_stage
 from softfinger.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from softfinger.study.rows import Row
@@ -17,6 +18,7 @@ from softfinger.study.rows import Row
 _MARGIN = 2.0  # on the estimates of time and memory
 _LEAST_MINUTES, _LEAST_MB = 5, 1000
 _THREADS = 8  # at most
+_PATH = r"[\w./-]+"  # in others Snakemake sees its own patterns, and a shell commands
 
 
 def plan_study(home: Path, study: str, rows: list[Row], only: list[str]) -> Path:
@@ -141,5 +143,11 @@ def _job(
 
 def _write(home: Path, study: str, runs: list[dict[str, Any]], jobs: dict[str, Any]) -> Path:
     path = home / "out" / "studies" / study / "plan.json"
+    check_own(path.parent)
+    if odd := next((name for name in (str(path), *jobs) if not re.fullmatch(_PATH, name)), None):
+        raise StageError(
+            f"{odd}: a study's jobs need paths of letters, digits, '_', '-' and '.'; rename the"
+            " folder"
+        )
     STUDY_PLAN.write(path, {"study": study, "home": str(home), "runs": runs, "jobs": jobs})
     return path

@@ -1,6 +1,5 @@
 """Rows of a study's table: runs that are a scene at a level with overrides."""
 
-import csv
 import json
 import re
 import tomllib
@@ -9,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipeline.formats.user_tables import read_columns
 from pipeline.runs.stages import FEA, TARGETS
 from piv.files.errors import StageError
+from piv.files.record import NAME
 
 _OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
 
@@ -34,44 +35,29 @@ class Row:
 
 def read_study(path: Path) -> list[Row]:
     """Rows of a study table (docs/formats.md). Raises StageError with file, row and key."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        raise StageError(
-            f"{path}: no such study; give a table, as cases/single_finger/studies/tradeoff.csv"
-        ) from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    reader = csv.DictReader(lines, skipinitialspace=True)
-    header = [name.strip() for name in reader.fieldnames or ()]
-    reader.fieldnames = header
-    if twice := next((name for name in header if header.count(name) > 1), None):
-        raise StageError(f"{path}: column {twice!r} occurs twice; remove one")
+    table = read_columns(path, ["run"], None, ragged=True)
+    header = table.names
     unknown = [c for c in header if c not in _OWN_COLUMNS and not re.fullmatch(r"\w+(\.\w+)+", c)]
-    if "run" not in header or unknown:
+    if unknown:
         raise StageError(
-            f"{path}: column {(unknown or ['run'])[0]!r}: the header must be run,"
+            f"{path}: column {unknown[0]!r}: the header must be run,"
             f" {', '.join(sorted(_OWN_COLUMNS - {'run'}))} and dotted keys of the scene, as"
             " numerics.time_step"
         )
-    rows = [_row(path, record) for record in reader]
-    names = [row.run for row in rows]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice or not rows:
-        raise StageError(
-            f"{path}: "
-            + (f"run {twice!r} occurs twice; rename one" if twice else "no rows; add runs")
-        )
+    cells = table.plain(table.rows)
+    rows = [_row(path, dict(zip(header, row, strict=True))) for row in cells]
+    seen: set[str] = set()
+    for row in rows:
+        if row.run in seen:
+            raise StageError(f"{path}: run {row.run!r} occurs twice; rename one")
+        seen.add(row.run)
     return rows
 
 
-def _row(path: Path, record: dict[str | None, Any]) -> Row:
-    name = (record.get("run") or "").strip()
+def _row(path: Path, record: dict[str, str]) -> Row:
+    name = record["run"]
     check_name(name, f"{path}: run")
-    if record.get(None):
-        raise StageError(
-            f"{path}: run {name}: more cells than columns; put a cell with a comma in quotes"
-        )
-    cells = {key: value.strip() for key, value in record.items() if key and value and value.strip()}
+    cells = {key: value for key, value in record.items() if value}
     ranks = cells.get("ranks", "1")
     if not ranks.isdecimal() or int(ranks) < 1:
         raise StageError(f"{path}: run {name}: ranks = {ranks!r}: give a whole number, 1 or more")
@@ -94,7 +80,7 @@ def _row(path: Path, record: dict[str | None, Any]) -> Row:
 
 def check_name(name: str, key: str) -> None:
     """StageError where a name could be no folder of its own."""
-    if not re.fullmatch(r"[A-Za-z0-9][\w.-]*", name):
+    if not re.fullmatch(NAME, name):
         raise StageError(f"{key} = {name!r}: give a name of letters, digits, '_', '-' and '.'")
 
 

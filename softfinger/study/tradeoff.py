@@ -14,7 +14,7 @@ from pipeline.runs.stages import until
 from pipeline.scene.measurement import piv_settings, render_settings
 from piv.files.json_text import read_json
 from piv.files.provenance import versions
-from piv.files.record import REMEDY
+from piv.files.record import REMEDY, check_own
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.tables import write_table
 from softfinger.study.errors import errors_against, own_errors, stroke_windows
@@ -189,6 +189,7 @@ def write_tradeoff(path: Path, only: list[str]) -> None:
             f" ({listed}): run make tradeoff again"
         )
     folder = Path(plan["home"])
+    check_own(folder / "studies")
     best = finest(plan)
     table, errors = _evaluate(plan, best)
     probe = read_json(path.with_name("probe.json"), REMEDY)

@@ -13,7 +13,7 @@ from pipeline.openfoam.function_objects import read_function_object
 from piv.formats.plane_series import read_plane
 from tests.axe.check import serious_findings
 from tests.cases.conftest import make
-from tests.conftest import ROOT
+from tests.conftest import CASES
 from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
@@ -145,7 +145,7 @@ def pinch(project):
     case = project / "cases" / "quick_pinch"
     (case / "reference").mkdir(parents=True)
     (case / "scene.toml").write_text(QUICK_PINCH)
-    shutil.copy2(ROOT / "cases" / "pinch" / "reference" / "findings.toml", case / "reference")
+    shutil.copy2(CASES / "pinch" / "reference" / "findings.toml", case / "reference")
     return made(project, "quick_pinch")
 
 

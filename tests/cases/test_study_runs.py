@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from piv.files.record import read_record
-from tests.conftest import ROOT, TINY
+from tests.conftest import CASES, ROOT, TINY
 
 SNAKEMAKE = ROOT / ".venv-study" / "bin" / "snakemake"
 pytestmark = [
@@ -38,7 +38,7 @@ def copy_of_project(folder: Path) -> Path:
         (folder / part).symlink_to(ROOT / part)
     for part in ("_base", "single_finger"):
         (folder / "cases").mkdir(exist_ok=True)
-        (folder / "cases" / part).symlink_to(ROOT / "cases" / part)
+        (folder / "cases" / part).symlink_to(CASES / part)
     scene = folder / "cases" / "small"
     (scene / "studies").mkdir(parents=True)
     text = TINY.format(parent="../single_finger", kind="2d", more=SHORT, numerics="")

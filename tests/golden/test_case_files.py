@@ -13,7 +13,7 @@ from pipeline.formats.mesh_intervals import Interval
 from pipeline.openfoam.foamfile import set_number
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 HERE = Path(__file__).parent
 WHOLE = Interval(0, 0.0, 0.0, 0.42, 0)
@@ -45,7 +45,7 @@ def tree(path: Path) -> object:
     ],
 )
 def test_numbers_are_the_checked_ones(tmp_path, scene, level, interval):
-    loaded = load_scene(ROOT / "cases" / scene, level)
+    loaded = load_scene(CASES / scene, level)
     back = -loaded.finger.width if loaded.model.kind == "2d" else -loaded.tank.size[2] / 2
     (tmp_path / "numbers").write_text(numbers_text(numbers(loaded, interval, interval.end, back)))
     golden = HERE / f"numbers_{scene}_{level}.json"
@@ -60,7 +60,7 @@ def test_regions_are_the_checked_ones(tmp_path, kind):
 
 def test_the_base_case_uses_every_number_and_no_other(tmp_path):
     """A number that no file of the base case names would be an option that does nothing."""
-    base = ROOT / "cases" / "_base"
+    base = CASES / "_base"
     text = "\n".join(path.read_text() for path in base.rglob("*") if path.is_file())
     entries = numbers(write_scene(tmp_path / "s"), WHOLE, WHOLE.end, -0.028)
     assert set(re.findall(r"\$(\w+)", text)) - {"p"} == set(entries)

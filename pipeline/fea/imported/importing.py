@@ -12,6 +12,9 @@ from pipeline.formats.bending_states import BendingStates, FloatArray, profile_r
 
 LENGTHS = (0.005, 1.0)  # m; a finger outside of these is in another unit
 POINTS = 101
+_THINNEST = 0.02  # of the length: as finger.thickness
+_LEAST_BEND = 0.05  # rad, from which on a direction is known
+_OTHER_SIGN = "give the other sign of ventral in [fea.results], the axis from the chambers away"
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,13 @@ def profiles_of(path: Path, fields: Fields, results: Import) -> list[Profile]:
         raise ValueError(
             f"{path}: {len(ventral)} nodes of the lower surface lie in the plane"
             f" sheet = {results.sheet} m: set sheet, along and ventral to your model's frame"
+        )
+    if len(fields.profile) and rest[ventral, 1].mean() < 0.5 * (
+        rest[sheet, 1].min() + rest[sheet, 1].max()
+    ):
+        raise ValueError(
+            f"{path}: its profile lies on the side of the chambers, since ventral ="
+            f" {results.ventral!r}: {_OTHER_SIGN}"
         )
     ventral, dorsal = (n[np.argsort(rest[n, 0], kind="stable")] for n in (ventral, dorsal))
     profiles = []
@@ -135,7 +145,21 @@ def states_of(
         rows.append((*(np.interp(s, fraction, v) for v in values), length))
     x, y, thickness, arc = (np.array(column) for column in zip(*rows, strict=True))
     even = np.stack([x, y], -1)
+    thin = int(np.argmin(mean := thickness.mean(1)))
+    if 0 < mean[thin] < _THINNEST * arc[thin]:
+        raise ValueError(
+            f"{path}: at {pressure[thin] / 1e3:g} kPa it is {1e3 * mean[thin]:.2g} mm"
+            f" thick and {1e3 * arc[thin]:.3g} mm long, as no finger is: check thickness, or the"
+            " signs of along and ventral, in [fea.results]"
+        )
     circles = np.array([fit_circle(profile.line) for profile in profiles])
+    most = int(np.argmax(np.abs(pressure)))
+    bend = arc[most] / circles[most, 0]
+    if bend * pressure[most] < 0 and abs(bend) > _LEAST_BEND:
+        raise ValueError(
+            f"{path}: at {pressure[most] / 1e3:g} kPa it bends by {np.degrees(bend):.0f}°, against"
+            f" the ventral side under pressure: {_OTHER_SIGN}"
+        )
     if pitch is not None:
         even = smoothed(even, s, max(1, int(arc.mean() / (1.25 * pitch))))
     for line, high, at in zip(even, thickness, pressure, strict=True):

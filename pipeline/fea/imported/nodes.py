@@ -7,18 +7,17 @@ import pandas as pd
 
 from pipeline.fea.imported.importing import Fields
 from pipeline.fea.settings import Import
+from pipeline.formats.user_tables import read_columns
 
 COLUMNS = ("pressure_kpa", "instance", "node", "x", "y", "z", "u1", "u2", "u3", "profile")
 
 
 def read_nodes(path: Path, results: Import) -> Fields:
-    """Nodes and displacements by pressure; raises ValueError with file, column and remedy."""
-    table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    for column in COLUMNS:
-        if column not in table:
-            raise ValueError(
-                f"{path}: column {column} is missing: write it with docs/abaqus_export.py"
-            )
+    """Nodes and displacements by pressure; raises ValueError with file, line, column and remedy."""
+    cells = read_columns(path, COLUMNS, None)
+    numeric = [name for name in COLUMNS if name != "instance"]
+    table = pd.DataFrame(cells.numbers(numeric), columns=numeric).astype({"node": int})
+    table["instance"] = cells.text("instance")
     states = dict(iter(table.set_index(["instance", "node"]).groupby("pressure_kpa")))
     first = next(iter(states.values()))
     for pressure, state in states.items():

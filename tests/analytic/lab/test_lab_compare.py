@@ -13,7 +13,8 @@ from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
 from postprocess.lab.motion import Case, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Law, Registration
-from postprocess.lab.validation import AGREES, ERROR
+from postprocess.lab.summary import compare
+from postprocess.lab.validation import AGREES, ERROR, joint_level, judged, verdicts
 from postprocess.lab.virtual_experiment import (
     MaskedRecording,
     MovedRecording,
@@ -22,7 +23,6 @@ from postprocess.lab.virtual_experiment import (
     outlines_px,
     with_finger,
 )
-from softfinger.laboratory import compare
 from tests.lab_scene import finger_kinematics, vortex_series
 
 PIV = Evaluation(window=24, spacing=8, pairing="1-2,3-4", interval_s=0.002)
@@ -53,19 +53,26 @@ def compared(tmp_path_factory):
         direct = camera_series(ours, pose, x, y, instants)
         law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
         none, covariance = np.empty(0), np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
-        registration = Registration(pose, covariance, 0.0, law, none, none, none, None)
+        registration = Registration(pose, covariance, 0.0, law, none, none, pose)
         settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = Sides(data, virtual, direct, settings, 24 * pose.pixel)
         case = Case(kinematics, registration, 0.0, sides, [_grid_effect(instants.size)])
-        out[gain] = compare(case)
+        out[gain] = judged_of(case)
     # a run of finer numerics that has the stronger vortex of the last recording
     circulation = by_name(out[1.25])["circulation"]
     first, last = circulation["window"]
     series = out[1.25][1].set_index("time").loc[first - 1e-6 : last + 1e-6]
     lacks = float(circulation["data"][0] - series["circulation_direct"].mean())
     effect = _grid_effect(instants.size, SMALL | {"circulation": lacks}, 0.1)
-    out["finer"] = compare(replace(case, effects=[effect]))
+    out["finer"] = judged_of(replace(case, effects=[effect]))
     return out
+
+
+def judged_of(case):
+    """Quantities as comparison.json has them, with the verdict, and the series."""
+    made = compare(None, case)
+    rows = [judged(q, joint_level(2)) for q in made.quantities]
+    return {"quantities": rows, **verdicts(rows)}, made.series
 
 
 SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4}

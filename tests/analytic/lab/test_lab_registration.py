@@ -7,9 +7,9 @@ import pytest
 
 from docs.evidence.lab_renderer import Faults, Rendered
 from pipeline.formats.kinematics import counter_clockwise
-from postprocess.lab.check_fit import check_fit
+from postprocess.lab.causes import check_fit
 from postprocess.lab.pose import Pose, camera_series
-from postprocess.lab.register import Known, register
+from postprocess.lab.register import Known, fit_pictures, register
 from postprocess.lab.silhouette import integral_image
 from tests.lab_scene import finger_kinematics, inside_sum, vortex_series
 
@@ -37,7 +37,12 @@ def stills(kinematics, lag=0.0, faults=None, **more):
 @pytest.fixture(scope="module")
 def registered_lab(kinematics):
     known = Known(poses(kinematics)[0], scale_std=0.01)
-    return register(stills(kinematics)[0], TIMES, kinematics, known)
+    return found(stills(kinematics)[0], kinematics, known)
+
+
+def found(recording, kinematics, known):
+    """The registration of pictures."""
+    return register(fit_pictures(recording, TIMES, kinematics, known), kinematics, known)
 
 
 def dense(corners, pieces=50):
@@ -85,9 +90,9 @@ def test_a_hidden_root_is_told_and_left_out(kinematics):
     held, _ = stills(kinematics, faults=Faults(holder=0.008), scale_error=0.002)
     stated, true = poses(kinematics, 0.002)
     known = Known(stated, scale_std=0.003)
-    check = check_fit(held, register(held, TIMES, kinematics, known), kinematics, known)
+    check = check_fit(fit_pictures(held, TIMES, kinematics, known), kinematics, known)
     assert "or give root_hidden_mm where its root is not" in check.refusals[0]
-    registration = register(held, TIMES, kinematics, replace(known, hidden=0.011))
+    registration = found(held, kinematics, replace(known, hidden=0.011))
     assert (off(registration, true) < 4).all()
     assert registration.law.delay == pytest.approx(DELAY, abs=0.003)
 
@@ -97,7 +102,7 @@ def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
     lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(TIMES / 0.4, 0, 1)) ** 2
     recording, pressures = stills(kinematics, lag)
     known = Known(poses(kinematics)[0], scale_std=0.01)
-    registration = register(recording, TIMES, kinematics, known)
+    registration = found(recording, kinematics, known)
     error = registration.pressures - pressures
     assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
 

@@ -15,6 +15,7 @@ from pipeline.runs.run import open_run
 from piv.files.errors import StageError
 from piv.formats.plane_series import write_plane
 from piv.formats.recording import RecordingWriter
+from postprocess.lab.level import EMPTY, level_windows
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
@@ -57,6 +58,7 @@ def run(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "make", kinematics_alone)
         patch.setattr(command, "make_sheet", analytic_sheet)
+        patch.setattr(command, "level_windows", lambda *_: EMPTY)  # an exact flow
         yield open_run(case, "smoke")
 
 
@@ -97,7 +99,7 @@ def measured_by(run, gain: float = 1.0):
 def compared(run, folder, inputs=False, quick=False):
     """comparison.json of a folder of data by the name of its quantities, and the page's answer."""
     options = {"inputs": inputs, "quick": quick, "quiet": True}
-    page = command.compare_with(run, folder, Machine(), **options)
+    page = command.compare_with(run, [folder], Machine(), **options)
     result = LAB_COMPARISON.read(page.parent / "comparison.json")
     text = page.read_text()
     first = text[text.index('id="answer"') : text.index("</header>")]
@@ -112,8 +114,40 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     assert abs(quantities["circulation"]["error"][0] / quantities["circulation"]["data"][0]) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "level_windows", level_windows)
+        result, _, first = compared(run, tmp_path / "sound")
+    assert result["verdict"] == "too uncertain"
+    assert "Level smoke is a plane flow, and its own numerical error hides" in first
     with pytest.raises(StageError, match="--quick compares the motion, which vectors do not"):
         compared(run, tmp_path / "sound", quick=True)
+
+
+def test_vectors_without_a_clock_are_compared_from_their_onset(run, tmp_path):
+    """They begin 50 ms late; known to a few ms by what the analytic flow grows."""
+    plane, root = measured_by(run)
+    folder = state_vectors(plane, tmp_path / "onset", root)
+    text = (folder / "dpiv.toml").read_text()
+    (folder / "dpiv.toml").write_text(text.replace("{ at_s = 0.05, std_s = 0.001 }", '"from flow"'))
+    result, _, _ = compared(run, folder)
+    found = result["registration"]
+    assert found["delay_ms"] == pytest.approx(-50.0, abs=max(5.0, 3 * found["delay_std_ms"]))
+    assert result["flow"] == "agrees"
+
+
+def test_repeats_are_judged_by_their_mean(run, tmp_path):
+    folders = []
+    for number, gain in enumerate((0.98, 1.0, 1.02)):
+        plane, root = measured_by(run, gain=gain)
+        folders.append(state_vectors(plane, tmp_path / f"run{number}", root))
+    page = command.compare_with(run, folders, Machine(), inputs=False, quick=False, quiet=True)
+    result = LAB_COMPARISON.read(page.parent / "comparison.json")
+    assert page.parent.name == "run0+run1+run2"
+    assert len(result["repeats"]) == 3
+    circulation = result["quantities"][0]
+    assert abs(circulation["error"][0] / circulation["data"][0]) < 0.02
+    assert "repeats" in [source["name"] for source in circulation["sources"]]
+    assert "Each recording is registered alone" in page.read_text()
 
 
 def test_a_bend_that_turns_back_is_refused_before_anything_is_solved(run, tmp_path):
@@ -158,7 +192,7 @@ def test_a_recording_of_another_pressure_is_compared(run, tmp_path):
             out.write(k, film.frame(k))
         out.finish()
     (folder / "dpiv.toml").write_text(PICTURES)
-    quick = command.compare_with(run, folder, Machine(), inputs=True, quick=True, quiet=True)
+    quick = command.compare_with(run, [folder], Machine(), inputs=True, quick=True, quiet=True)
     assert "Motion: no. Flow: not tested." in quick.read_text()
     result, quantities, first = compared(run, folder)
     assert abs(result["registration"]["delay_ms"] + 7.0) < 3.0

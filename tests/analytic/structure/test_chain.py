@@ -1,7 +1,5 @@
 """The elastic chain against beams in closed form: elastica, frequencies, energy."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,8 +11,9 @@ from pipeline.structure.chain import RUBBER, Chain, placed
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import Surroundings, at_rest, motion
 from tests.analytic.structure.beams import beam
+from tests.conftest import CASES
 
-STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
+STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
 LENGTH, WIDTH, HEIGHT, EI, MASS = 0.07, 0.028, 0.0167, 0.48e-3, 0.31  # MASS in kg/m
 
 

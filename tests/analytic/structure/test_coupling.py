@@ -1,7 +1,6 @@
 """The coupling's steps with a known water: stable, right, and what shows that they are not."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,9 @@ from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import MIDDLE, Chain, placed
 from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling
 from pipeline.structure.motion import Surroundings, felt, motion, past, turning
+from tests.conftest import CASES
 
-STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
+STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
 STEP = 2e-3  # s: that of levels draft and coarse
 TIME = STEP * np.arange(71)
 PRESSURE = stroke_law(0.0, [(20e3, 0.005, 0.2)])(TIME)

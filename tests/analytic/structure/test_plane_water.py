@@ -11,7 +11,7 @@ from pipeline.scene.scene import load_scene
 from pipeline.structure.chain import MIDDLE, placed
 from pipeline.structure.finger import Posed, copies
 from pipeline.structure.water_inertia import forces_of_water
-from tests.conftest import ROOT, meshes_of, prepare
+from tests.conftest import CASES, meshes_of, prepare
 
 _NUDGE = 1e-4  # rad
 
@@ -45,9 +45,9 @@ def test_the_water_of_the_plane_level_is_that_of_the_finger(tmp_path, width):
     found = []
     for level in ("smoke", "draft"):
         values = {"motion.source": "structure", "motion.end_time": 0.05, "finger.width": width}
-        scene = load_scene(ROOT / "cases/single_finger", level, values, tmp_path / level)
+        scene = load_scene(CASES / "single_finger", level, values, tmp_path / level)
         scene.out.mkdir()
         found.append(added_inertia(scene))
     plane, space = found
     assert plane == pytest.approx(space, rel=0.25)
-    assert copies(load_scene(ROOT / "cases/single_finger", "smoke")) < 0.5
+    assert copies(load_scene(CASES / "single_finger", "smoke")) < 0.5

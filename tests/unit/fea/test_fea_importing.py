@@ -112,10 +112,22 @@ def test_radii_come_back(tmp_path, writer):
         (write_nodes, {"unit": "m"}, "", "", r"nodes\.csv: .*70 m long.*unit"),
         (write_nodes, {}, "\n20.0,BAR-1,33,", "\n20.0,A,33,", "node 33 .* 20 kPa"),
         (write_nodes, {}, "\n20.0,BAR-1,33,", "\n20.0,BAR-1,34,", "node 33 .* 20 kPa"),
-        (write_nodes, {}, ",u1", ",ux", "column u1 is missing"),
+        (write_nodes, {}, ",u1", ",ux", "no column u1 in its header"),
         (write_nodes, {"pressures_kpa": [1.0, 2.0, 3.0]}, "", "", "5 states but .* has 3"),
-        (write_profiles, {}, ", s, x, y", ", s, converged, x, y", "line 3: .* is not 5 numbers"),
-        (write_profiles, {}, "10.0, 0.000000000, 0.000000000", "10.0, 0, nan", "NaN or infinite"),
+        (
+            write_profiles,
+            {},
+            ", s, x, y",
+            ", s, converged, x, y",
+            "line 3: .* 4 cells, the",
+        ),
+        (
+            write_profiles,
+            {},
+            "10.0, 0.000000000, 0.000000000",
+            "10.0, 0, nan",
+            "column x: 'nan' is not",
+        ),
         (write_profiles, {}, "-20.0, 0.000000000, 0.000000000, ", "-20.0; 0.0; ", "line 3"),
         (write_profiles, {"thickness": 0.05}, "", "", r"-20 kPa the outline .* crosses itself"),
         (write_profiles, {"thickness": None}, "", "", "no column thickness"),
@@ -178,3 +190,16 @@ def test_the_export_script_writes_what_is_imported(tmp_path, monkeypatch):
     states = imported(tmp_path, Import(file="nodes.csv"), WIDTH)
     np.testing.assert_allclose(states.pressure, [5e3, 10e3, 20e3])
     np.testing.assert_allclose(states.radius, [0.08, 0.04, 0.03], rtol=1e-5)
+
+
+def test_a_ventral_axis_of_the_wrong_sign_is_refused(tmp_path):
+    """It passed as a finger 0.016 mm thick that bends by −110°, and the mesh failed later."""
+    results = write_nodes(tmp_path).model_copy(update={"ventral": "-y"})
+    with pytest.raises(ValueError, match=r"profile lies on the side of the chambers.*other sign"):
+        imported(tmp_path, results, WIDTH)
+    results = write_vtu(tmp_path).model_copy(update={"ventral": "-y"})
+    with pytest.raises(ValueError, match=r"bends by -\d+°, against the ventral side"):
+        imported(tmp_path, results, WIDTH)
+    results = write_profiles(tmp_path).model_copy(update={"thickness": 1.6e-5})
+    with pytest.raises(ValueError, match=r"0\.016 mm thick and .* as no finger is"):
+        imported(tmp_path, results, WIDTH)

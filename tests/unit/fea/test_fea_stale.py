@@ -8,7 +8,7 @@ from pipeline.fea.up_to_date import check_states
 from pipeline.runs.run import Run, open_run
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 WIDER = "[actuator]\nwidth = 0.03"
 OWN = '\n[motion]\nstates = "kinematics/states.h5"'  # beside the scene, not the parent's
@@ -61,7 +61,7 @@ def test_the_remedy_is_of_the_scene_whose_actuator_it_is(tmp_path):
     """A child without an actuator of its own is sent to its parent's analysis."""
     parent = write_scene(tmp_path / "parent", more=WIDER + OWN)
     (parent.folder / "kinematics").unlink()
-    shutil.copytree(ROOT / "cases" / "single_finger" / "kinematics", parent.folder / "kinematics")
+    shutil.copytree(CASES / "single_finger" / "kinematics", parent.folder / "kinematics")
     own = "[actuator]\nwidth = 0.02\n"
     for name, more, folder in (("child", "", "parent"), ("other", own, "other")):
         (tmp_path / name).mkdir()

@@ -7,23 +7,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 from pipeline.formats.kinematics import SHAPE
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
-from postprocess.lab.fit_outline import law_pressure
-from postprocess.lab.flow import explained_by_motion, run_sources
+from postprocess.lab.clock import check_rate, constant_ratio
+from postprocess.lab.flow import corrected, corrections, run_sources
 from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.motion import (
     Case,
     Effect,
-    along_bend,
     at_recorded_motion,
-    check_clock,
     difference,
     final_bend,
-    motion_quantities,
+    over_bend,
     stroke_duration,
 )
 from postprocess.lab.pose import Pose
@@ -43,14 +40,17 @@ def case(tmp_path_factory):
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
     pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
-    registration = Registration(pose, np.eye(4), 0.0, law, some, some, some, None)
+    registration = Registration(pose, np.eye(4), 0.0, law, some, some, pose)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
     runs = (
         (input_of("pressure"), 3e-5, bend, 0.0),
         (input_of("duration"), -10e-5, 0.0, 0.1 * stroke_duration(kinematics)),
         (Finer("grid", 2.0), 2e-5, 0.0, 0.0),
     )
-    effects = [Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3})) for of, c, b, d in runs]
+    effects = [
+        Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3, "x": 0.0, "y": 0.0}))
+        for of, c, b, d in runs
+    ]
     return Case(kinematics, registration, 0.02, None, effects)
 
 
@@ -76,8 +76,6 @@ def test_another_motion_differs_by_its_bend_and_duration(case, tmp_path):
     assert bend == pytest.approx(bent - final_bend(case.kinematics), rel=0.01)
     # the nominal law ends at 0.42 s, which is 0.44 s in its time
     assert duration == pytest.approx(-0.1 * stroke_duration(case.kinematics), rel=0.02)
-    at_pressure = motion_quantities(case, (bend, duration))
-    assert at_pressure[0].simulation == pytest.approx(bent, rel=1e-3)
 
 
 def over_time(own, pressure):
@@ -99,7 +97,7 @@ def test_a_motion_that_swings_back_is_known_over_its_bend(case):
     def pressure(t):
         return 10e3 * (1 - np.cos(2 * np.pi * t / 0.7)) * (1 + 0.2 * t)
 
-    made = along_bend(over_time(own, pressure))
+    made = over_bend(over_time(own, pressure))
     assert made.low == 0
     assert (np.diff(made.data["shape_bend"]) > 0).all()
     at = np.linspace(0.05, 0.42, 50)
@@ -111,7 +109,7 @@ def test_a_motion_that_swings_back_is_known_over_its_bend(case):
 
 def test_a_finger_that_bends_to_both_sides_is_refused(case):
     with pytest.raises(ValueError, match="bends to one side, and this one bends to both"):
-        along_bend(over_time(case.kinematics, lambda t: 10e3 * np.sin(2 * np.pi * t / 0.4)))
+        over_bend(over_time(case.kinematics, lambda t: 10e3 * np.sin(2 * np.pi * t / 0.4)))
 
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
@@ -120,11 +118,16 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert names == ["pressure", "geometry and material", "duration", "grid"]
     std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
     assert set(std) == {"pressure as recorded", "duration as recorded", "grid"}
-    assert explained_by_motion(case, COLUMNS, ROWS) is None
-    # S − D: the recording's flow is stronger by 2.5 runs of pressure and 11 % of speed
+    assert corrections(case, COLUMNS, ROWS)[0] is None
+    # the recording's flow is stronger by 2.5 runs of pressure and 11 % of speed
     faster = (1 / 0.9 - 1) / (1 - 1 / 1.1) * 10e-5
-    assert explained_by_motion(moved, COLUMNS, ROWS)[0] == pytest.approx(
-        -(2.5 * 3e-5 + faster), rel=0.02
+    added, finer = corrections(moved, COLUMNS, ROWS)
+    assert added[0] == pytest.approx(2.5 * 3e-5 + faster, rel=0.02)
+    assert finer[0] == pytest.approx(2e-5)
+    # the curve is that of the table
+    table = pd.DataFrame({"circulation": [1e-2] * 3, "x": 0.0, "y": 0.0})
+    assert corrected(moved, table)["circulation"].to_numpy() == pytest.approx(
+        1e-2 + added[0] + finer[0]
     )
     assert std["duration as recorded"] == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1) * 10e-5)
 
@@ -138,43 +141,36 @@ def test_nothing_is_taken_out_where_it_is_not_known(case, without):
     assert at_recorded_motion(case).of_motion == []
 
 
-def beside(kinematics, law, speed):
-    """Vectors that move `speed` times as fast as the wall beside them (pixels of a metre)."""
+def beside(kinematics, speed, stretch):
+    """Water that goes with the pressure's rate, a stroke of `stretch` times the duration."""
     x, y = np.linspace(-0.04, 0.09, 40), np.linspace(0.14, 0.26, 37)
-    times = np.linspace(0.08, 0.30, 6)
-    at = np.stack(np.meshgrid(x, y), axis=-1)
-    ends = [law_pressure(kinematics, times + s * 1e-3, law) for s in (-0.5, 0.0, 0.5)]
-    before, now, after = (kinematics.shape("outline", p) for p in ends)
-    nearest = [cKDTree(outline).query(at)[1] for outline in now]
-    wall = [(b - a)[k] / 1e-3 * speed for a, b, k in zip(before, after, nearest, strict=True)]
-    u, v = np.moveaxis(np.array(wall), -1, 0)
-    return make_plane(x, y, u, v, time=times, valid=np.ones(u.shape, bool))
+    times = np.linspace(0.02, 0.40, 20) * stretch
+    phase = times / stretch
+    u = speed * np.ones((1, 37, 40)) * np.abs(kinematics.law(phase, 1))[:, None, None] * 1e-6
+    outline = kinematics.shape("outline", kinematics.law(phase))[:, None]
+    return make_plane(x, y, u, 0 * u, time=times, valid=np.ones(u.shape, bool), outline=outline)
 
 
 @pytest.mark.parametrize(
-    "speed, stretch, ratio",
+    "speed, stretch, refused, constant",
     [
-        pytest.param(1.0, 1.0, None, id="right"),
-        pytest.param(1.2, 1.0, None, id="within the limit"),
-        pytest.param(1.3, 1.0, "1.3", id="interval"),
-        pytest.param(1.0, 1.0 / 1.3, "0.77", id="rate"),
-        pytest.param(0.6, 1.0, "0.6", id="interval, slower"),
+        pytest.param(1.0, 1.0, "", None, id="right"),
+        pytest.param(1 / 0.85, 0.85, "", None, id="a stroke 15 % shorter"),
+        pytest.param(1 / 1.15, 1.15, "", None, id="a stroke 15 % longer"),
+        pytest.param(1.0, 1 / 1.3, "about 1.30 times the true one", 0.77, id="rate stated high"),
+        pytest.param(1.0, 1.15, "about 0.87 times the true one", 1.15, id="rate stated low"),
+        pytest.param(0.84, 1.0, "", 0.84, id="interval"),
     ],
 )
-def test_water_that_contradicts_the_silhouette_names_rate_and_interval(case, speed, stretch, ratio):
-    """A rate stated 1.3 times too high: the finger seems faster, the water does not."""
-    kinematics, law = case.kinematics, np.array([1.0, 0.0, 1.0])
-    pose = Pose(1e3, 0.0, kinematics.root, kinematics.root)
-    seen = replace(case.registration.law, values=np.array([1.0, 0.0, stretch]))
-    data, virtual = beside(kinematics, seen.values, speed * stretch), beside(kinematics, law, 1.0)
-    registration = replace(case.registration, pose=pose, law=seen)
-    sides = Sides(data, virtual, virtual, VortexSettings(0.004), 0.01)
-    if ratio is None:
-        assert not check_clock(replace(case, registration=registration), sides, PATH).no_flow
-        return
-    explained = replace(case, registration=registration, at_pressure=(0.1, 0.0))
-    assert f"moves about {ratio} times" in check_clock(explained, sides, PATH).no_flow
-    with pytest.raises(
-        ValueError, match=rf"moves about {ratio} times .* frame_rate_hz .*interval_s.*{PATH}$"
-    ):
-        check_clock(replace(case, registration=registration), sides, PATH)
+def test_a_rate_is_told_from_a_stroke_of_another_duration(case, speed, stretch, refused, constant):
+    law = replace(case.registration.law, values=np.array([1.0, 0.0, stretch]))
+    made = replace(case, registration=replace(case.registration, law=law))
+    ours = beside(case.kinematics, 1.0, 1.0)
+    sides = Sides(beside(case.kinematics, speed, stretch), ours, ours, VortexSettings(0.004), 0.01)
+    found = constant_ratio(made, sides)
+    assert found is None if constant is None else found == pytest.approx(constant, abs=0.01)
+    if refused:
+        with pytest.raises(ValueError, match=f"dpiv.toml: frame_rate_hz is {refused}"):
+            check_rate(made, sides, True, PATH)
+    else:
+        check_rate(made, sides, True, PATH)

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from postprocess.lab.page import answer
-from postprocess.lab.validation import AGREES, DIFFERS, ERROR, UNCERTAIN, verdicts
+from postprocess.lab.validation import (
+    AGREES,
+    DIFFERS,
+    ERROR,
+    LEVEL_ERROR,
+    UNCERTAIN,
+    verdicts,
+)
 from postprocess.words import pair, size
 
 
@@ -13,7 +20,7 @@ def quantity(
     error,
     u_val,
     verdict=AGREES,
-    explained=None,
+    moved=None,
     unit="m²/s",
     scale=1e-2,
     detectable=0.1,
@@ -29,17 +36,18 @@ def quantity(
         "error": [error],
         "u_val": [u_val],
         "u_D": [u_val / 10],
+        "u_input": [u_val],
         "k": 1.96,
         "scale": scale,
         "verdict": verdict,
         "dominant": "grid",
         "detectable": detectable * scale,
         "finer": None,
-        "explained": None if explained is None else [explained],
+        "moved": None if moved is None else [moved],
     }
 
 
-def result(*quantities, missing=(), at_pressure=None):
+def result(*quantities, missing=()):
     """comparison.json as far as the wording reads it."""
     law = {"pressure_factor": 1.05, "pressure_factor_std": 0.003}
     law |= {"stretch": 1.0, "stretch_std": 0.004}
@@ -48,10 +56,10 @@ def result(*quantities, missing=(), at_pressure=None):
         "quantities": list(quantities),
         "missing_runs": list(missing),
         "registration": law,
-        "at_pressure": at_pressure,
-        "pressure_unused": False,
-        "no_flow": "",
-        "no_load": "The moment of the water is not compared.",
+        "all_water": None,
+        "plane": True,
+        "level": "smoke",
+        "levels": {},
     }
 
 
@@ -59,9 +67,9 @@ BEND = quantity("final_bend", -0.078, 0.012, ERROR, unit="rad", scale=1.6)
 STRAIGHT = quantity("final_bend", 0.004, 0.012, unit="rad", scale=1.6, detectable=0.03)
 LONGER = quantity("duration", -0.02, 0.023, DIFFERS, unit="s", scale=0.22)
 UNSURE = quantity("final_bend", 0.1, 0.4, UNCERTAIN, unit="rad", scale=1.6, detectable=0.9)
-SAME = quantity("circulation", -2e-4, 3e-4, explained=-2e-4)
-WRONG = quantity("circulation", -2e-3, 3e-4, ERROR, explained=-2e-4)
-BARE = WRONG | {"explained": None}
+SAME = quantity("circulation", -2e-4, 3e-4, moved=-2e-4)
+WRONG = quantity("circulation", -2e-3, 3e-4, ERROR, moved=-2e-4)
+BARE = WRONG | {"moved": None}
 WIDE = quantity("circulation", -2e-4, 3e-3, UNCERTAIN, detectable=1.1)
 PLACE = quantity("centre", 1e-3, 1e-3, unit="m", scale=0.0167, detectable=0.2)
 
@@ -74,29 +82,20 @@ def test_a_motion_that_is_to_blame_is_named():
     assert "frame_rate_hz" not in text  # the stroke lasts as long as simulated
 
 
-@pytest.mark.parametrize(
-    "made, said",
-    [
-        (STRAIGHT, "has 91.9\u00a0° (final bend), as the recording: pressure and water explain it"),
-        (BEND, "has 87.2\u00a0° (final bend), unlike the recording: the structure is to blame"),
-    ],
-)
-def test_a_run_at_the_measured_pressure_tells_pressure_from_structure(made, said):
-    text = answer(result(BEND, SAME, at_pressure=[made]))
-    assert f"With the measured pressure a coupled run {said}" in text
-    assert "Correct motion.strokes" not in text
+def test_a_level_whose_own_error_hides_the_flow_names_the_level_that_decides():
+    """Level smoke of single_finger: 32 % of the circulation."""
+    wide = WIDE | {"dominant": LEVEL_ERROR}
+    made = result(STRAIGHT, wide) | {"levels": {"smoke": {"circulation": 0.32}}}
+    assert "is a plane flow, and its own numerical error hides" in answer(made)
+    made["levels"] |= {"draft": {"circulation": 0.12}, "coarse": {"circulation": 0.02}}
+    assert "compare at LEVEL=coarse or finer (errors above 8\u00a0% would be found)" in answer(made)
 
 
-def test_a_flow_that_is_not_compared_says_why():
-    made = result(BEND, at_pressure=[BEND]) | {"no_flow": "the water contradicts the clock"}
+def test_water_that_is_slower_at_every_instant_points_to_the_interval_first():
+    made = result(STRAIGHT, BARE) | {"all_water": 0.84}
     text = answer(made)
-    assert "the structure or the clock is to blame" in text
-    assert text.endswith("The flow is not compared: the water contradicts the clock.")
-
-
-def test_a_measured_pressure_that_no_run_took_is_named():
-    text = answer(result(BEND, SAME) | {"pressure_unused": True})
-    assert "needs a coupled run at the measured pressure: compare at LEVEL=draft" in text
+    first = text.index("All water moves 0.84 times as fast at every instant: check piv.interval_s")
+    assert first < text.index("the flow model is to blame")
 
 
 def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_yes():
@@ -107,7 +106,7 @@ def test_a_stroke_that_the_registration_knows_better_than_the_input_is_no_green_
     assert made["verdict"] == DIFFERS
     assert text.startswith("Motion: no, but within what is known of the inputs. Flow: yes.")
     assert (
-        "Duration: differs by −20\u00a0ms (9\u00a0%), known to ±\u00a04.51\u00a0ms, which the"
+        "Duration: differs by −20\u00a0ms (9\u00a0%); the recording knows it to ±\u00a04.51\u00a0ms"
         in text
     )
     assert "Correct motion.strokes of the scene, or frame_rate_hz of dpiv.toml" in text

@@ -11,6 +11,7 @@ from postprocess.compare.stage import judge
 from postprocess.evidence.evidence import Evidence, Quantity
 from postprocess.evidence.time_windows import Clock
 from postprocess.words import measured_text, quantity
+from tests.conftest import CASES
 
 ROOT = Path(__file__).parents[3]
 CLOCK = np.array([0.0, 1.0])
@@ -90,7 +91,7 @@ def test_what_cannot_be_measured_is_not_met_and_what_is_not_there_is_not_judged(
 
 
 @pytest.mark.parametrize(
-    "path", sorted((ROOT / "cases").glob("*/reference/findings.toml")), ids=lambda p: p.parts[-3]
+    "path", sorted(CASES.glob("*/reference/findings.toml")), ids=lambda p: p.parts[-3]
 )
 def test_every_scene_s_findings_are_valid_and_give_reasons(path):
     findings = read_findings(path, frozenset(QUANTITIES))
@@ -99,7 +100,7 @@ def test_every_scene_s_findings_are_valid_and_give_reasons(path):
 
 
 def test_single_finger_asks_for_what_the_project_promises():
-    path = ROOT / "cases/single_finger/reference/findings.toml"
+    path = CASES / "single_finger/reference/findings.toml"
     asked = {f.quantity: f for f in read_findings(path, frozenset(QUANTITIES))}
     assert asked["circulation_difference"].value <= 0.05
     assert asked["centre_distance"].value <= 1.5e-3

@@ -11,7 +11,7 @@ from postprocess.evidence.evidence import Evidence, Part
 from postprocess.evidence.load import single_finger
 from postprocess.evidence.pair_integrals import COLUMNS
 from postprocess.evidence.time_windows import Clock
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
 WINDOW = (0.2, 0.3)
 TIME = np.linspace(*WINDOW, 11)
@@ -80,7 +80,7 @@ def test_the_side_is_that_of_the_strongest():
 
 
 def test_a_coupled_pinch_is_compared_with_a_coupled_single_finger(tmp_path):
-    pinch = ROOT / "cases" / "pinch"
+    pinch = CASES / "pinch"
     scene = load_scene(pinch, "reference", {"motion.source": "structure"}, tmp_path)
     assert single_finger(scene)[1].endswith("make single_finger LEVEL=reference COUPLED=1")
     scene = load_scene(pinch, "reference")

@@ -7,7 +7,7 @@ import pytest
 
 from postprocess.report.trust import level_error
 from postprocess.report.wording import power_sentence
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 
 TABLE = """# {"format": "tradeoff"}
 run,start_s,end_s,reference,error_circulation,error_centre,error_near_tip,error_force,error
@@ -94,29 +94,47 @@ def test_the_power_balance_in_short():
     )
 
 
-def measured() -> pd.DataFrame:
-    results = ROOT / "cases" / "single_finger" / "studies" / "results" / "tradeoff.csv"
+def measured(name: str) -> pd.DataFrame:
+    results = CASES / "single_finger" / "studies" / "results" / f"{name}.csv"
     return pd.read_csv(results, comment="#").set_index("run")
 
 
 def test_the_readme_quotes_the_measured_errors():
-    table = measured()
+    errors = measured("errors").loc["coarse"]
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    part = readme.partition("**Level coarse**")[2].partition("\n- ")[0]
-    names = ("circulation", "centre", "velocity", "near_tip", "force")
-    quoted = [f"{100 * table.loc['coarse', f'error_{name}']:.1f} %" for name in names]
-    assert re.findall(r"[\d.]+ %", part) == quoted
+    part = readme.partition("**Level coarse**")[2].partition("Level smoke")[0]
+    percent = [100 * errors[f"error_{name}"] for name in ("near_tip", "circulation", "force")]
+    wanted = [errors["end_s"], percent[0], percent[1], errors["error_centre_mm"], percent[2]]
+    lists = re.findall(r"((?:[\d.]+, )+[\d.]+\s+and\s+[\d.]+)", part)
+    quoted = [re.findall(r"[\d.]+", text) for text in lists]
+    assert len(quoted) == 5
+    for values, shown in zip(wanted, quoted, strict=True):
+        assert [rounded(v, text) for v, text in zip(values, shown, strict=True)] == shown
 
 
-def test_the_page_of_costs_quotes_the_measured_errors():
-    table = measured()
+def rounded(value: float, like: str) -> str:
+    """A value with as many decimals as a text."""
+    return f"{value:.{len(like.partition('.')[2])}f}"
+
+
+def test_the_page_of_costs_quotes_the_measured_errors_and_costs():
     page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
-    rows = re.findall(r"(?m)^\| (draft|coarse|medium) \| (.*) \|$", page)
-    assert len(rows) == 3
-    parts = ("near_tip", "velocity", "circulation", "centre_mm", "peak_vorticity", "force")
-    columns = ("cells", "cpu_flow_s", *(f"error_{part}" for part in parts))
-    for level, cells in rows:
-        for column, shown in zip(columns, cells.replace(",", "").split(" | "), strict=True):
-            percent = column.startswith("error_") and not column.endswith("_mm")
-            value = table.loc[level, column] * (100 if percent else 1)
-            assert f"{value:.{len(shown.partition('.')[2])}f}" == shown, (level, column)
+    parts = ("near_tip", "circulation", "centre_mm", "velocity", "force")
+    tables = {
+        6: ("errors", ["end_s", *(f"error_{part}" for part in parts)]),
+        2: ("tradeoff", ["cells", "cpu_flow_s"]),
+    }
+    seen = dict.fromkeys(tables, 0)
+    for level, cells in re.findall(r"(?m)^\| (draft|coarse|medium) \| (.*) \|$", page):
+        shown = cells.replace(",", "").split(" | ")
+        name, columns = tables[len(shown)]
+        rows = measured(name).loc[[level], columns].to_numpy(float)
+        factors = [
+            100 if column.startswith("error_") and not column.endswith("_mm") else 1
+            for column in columns
+        ]
+        texts = [[rounded(v, s) for v, s in zip(row * factors, shown, strict=True)] for row in rows]
+        assert shown in texts, level
+        seen[len(shown)] += 1
+    levels = set(measured("errors").index) & {"draft", "coarse", "medium"}
+    assert seen == {6: 4 * len(levels), 2: len(levels)}

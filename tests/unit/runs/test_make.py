@@ -12,7 +12,7 @@ from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.record import read_record, record_path, write_record
 from softfinger.make import LOG, Machine, _expected, make, make_sheet, make_stage
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 ONE = Machine()
 
@@ -58,7 +58,7 @@ def test_record_says_what_a_stage_cost_and_wrote(run: Run) -> None:
 @pytest.mark.parametrize("level, measured", [("smoke", 41), ("coarse", 212)])
 def test_first_estimate_is_near_the_time_that_a_fresh_clone_took(tmp_path, level, measured):
     """Measured 2026-11-24 on two cores with two ranks, s; other machines differ by more."""
-    run = open_run(ROOT / "cases" / "single_finger", level, {}, tmp_path)
+    run = open_run(CASES / "single_finger", level, {}, tmp_path)
     expected = sum(_expected(run, stage.name, Machine(2, 2)) for stage in STAGES)
     assert measured / 1.3 < expected < 1.3 * measured
 

@@ -14,7 +14,7 @@ from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME, STAGES
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 REPORT = ["report"]
 PAGE = ["compare", "figures", "report"]
@@ -75,7 +75,7 @@ def variants(model: BaseModel, above: str = ""):
 def scenes() -> dict[str, Scene]:
     """A scene with each section: those of a pinch, of a support and of a rigid body are added."""
     names = ("single_finger", "pinch", "validation/oscillating_cylinder")
-    return {name: load_scene(ROOT / "cases" / name, "coarse") for name in names}
+    return {name: load_scene(CASES / name, "coarse") for name in names}
 
 
 def keys() -> list[tuple[str, str]]:
@@ -121,7 +121,7 @@ def test_content_of_a_file_counts_not_its_name(tmp_path) -> None:
     runs = []
     for place in ("one", "two"):
         scene = write_scene(tmp_path / place, more=text)
-        shutil.copy(ROOT / "cases/single_finger/kinematics/states.h5", scene.folder)
+        shutil.copy(CASES / "single_finger/kinematics/states.h5", scene.folder)
         runs.append(Run(scene))
     assert runs[0].digest("sheet") == runs[1].digest("sheet")
     (tmp_path / "two" / "states.h5").write_bytes(b"another")

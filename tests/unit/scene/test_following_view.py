@@ -11,9 +11,9 @@ from pipeline.scene.limits import field_count
 from piv.files.errors import StageError
 from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from softfinger.make import Machine, make
-from tests.conftest import ROOT, motion_of, write_scene
+from tests.conftest import CASES, motion_of, write_scene
 
-SINGLE = ROOT / "cases" / "single_finger"
+SINGLE = CASES / "single_finger"
 
 
 def write(folder, text):

@@ -44,14 +44,14 @@ def test_csv_states_give_the_bend_they_show(tmp_path):
     "text, words",
     [
         (csv_of({0: GOOD[0], 10: GOOD[10]}), "at least three"),
-        (csv_of(GOOD).replace("0.07", "nan", 1), "NaN"),
+        (csv_of(GOOD).replace("0.07", "nan", 1), "column s: 'nan' is not a finite"),
         (csv_of({k: v * 1e3 for k, v in GOOD.items()}), "mm"),
         (csv_of(GOOD, "p,s,x,y"), "header"),
         ("", "header"),
-        (csv_of(GOOD, "pressure_kpa,s,x,y,thicknes"), "unknown column thicknes; did you mean"),
+        ("pressure_kpa,s,x,y,thicknes\n0,0,0,0,1\n", "unknown column thicknes; did you mean"),
         ("pressure_kpa,s,x,y\n", "no rows below its header"),
-        (csv_of(GOOD) + "30,0.01\n", "line 92: .* is not 4 numbers"),
-        (csv_of(GOOD) + "30,a,b,c\n", "is not 4 numbers"),
+        (csv_of(GOOD) + "30,0.01\n", "line 92: .* has 2 cells, the first row 4"),
+        (csv_of(GOOD) + "30,a,b,c\n", "line 92, column s: 'a' is not a finite number"),
         (csv_of(GOOD) + "30,0,0,0\n", "four points"),
     ],
 )
@@ -76,13 +76,16 @@ def test_a_measured_pressure_beyond_the_states_names_its_file(tmp_path):
     [
         ("t,p\n0,0\n0.1,5000\n0.05,9000\n", "increase"),
         ("t,p\n0,0\n0.1,5\n0.2,20\n", "kPa"),
-        ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "not a number"),
+        ("t,p\n0,0\n0.1,nan\n0.2,20000\n", "line 3, column p: 'nan' is not a finite number"),
         ("t,p\n0,0\n", "at least 2 rows"),
-        ("hello\n1,x\n", "first line is 'hello'; name the columns t,p, in s and Pa"),
-        ("0,hello\n1,x\n", "not a table"),
-        ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "row 1 is not a number"),
+        (
+            "hello,world\n1,x\n2,y\n",
+            "first line is 'hello,world'; name the columns t,p in s",
+        ),
+        ("0,hello\n1,x\n2,3\n", "first line is '0,hello'"),
+        ("nan,nan\n0,0\n0.1,5000\n0.2,9000\n", "first line is 'nan,nan'"),
         ("p,t\n0,0\n0.1,5000\n0.2,9000\n", "first line is 'p,t'"),
-        ("time, pressure\n0,0\n0.1,5000\n0.2,9000\n", "first line is 'time, pressure'"),
+        ("t [h],p\n0,0\n0.1,5000\n0.2,9000\n", r"first line is 't \[h\],p'"),
     ],
 )
 def test_bad_pressure_histories_are_one_sentence(tmp_path, text, words):
@@ -103,6 +106,24 @@ def test_a_history_that_begins_with_a_jump_of_its_slope_is_smoothed_or_warned_of
         run(scene)
         text = capsys.readouterr().out
         assert ("p.csv begins with a jump of its slope" in text) is warned
+
+
+def test_a_sensor_a_little_beyond_the_states_is_clipped_and_named(tmp_path, capsys):
+    """States from 0 kPa, and −13 Pa at rest; 1 % of their range is 200 Pa."""
+    (tmp_path / "s.csv").write_text(csv_of(GOOD))
+    (tmp_path / "p.csv").write_text("t,p\n0,-13\n0.05,-13\n0.3,15000\n")
+    more = STROKE.format(p=20, more=f'states = "{tmp_path / "s.csv"}"').replace("strokes", "#")
+    scene = write_scene(
+        tmp_path / "scene", more=f'{more}\npressure_csv = "{tmp_path / "p.csv"}"\nend_time = 0.3\n'
+    )
+    scene.out.mkdir(parents=True)
+    run(scene)
+    assert "warning" in (text := capsys.readouterr().out)
+    assert "p.csv is up to 0.013 kPa beyond the states of 0 to 20 kPa: it is clipped" in text
+    assert kinematics_values(scene)["pressure"].min() == 0.0
+    (tmp_path / "p.csv").write_text("t,p\n0,-300\n0.3,15000\n")
+    with pytest.raises(StageError, match=r"runs over -0\.3"):
+        kinematics_values(scene)
 
 
 def test_a_length_that_the_states_contradict_is_refused(tmp_path):

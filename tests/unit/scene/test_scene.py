@@ -6,9 +6,9 @@ from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
 from piv.files.errors import StageError
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, ROOT, write_scene
 
-SCENES = sorted(p.parent for p in (ROOT / "cases").glob("*/scene.toml"))
+SCENES = sorted(p.parent for p in CASES.glob("*/scene.toml"))
 
 
 @pytest.mark.parametrize("folder", SCENES, ids=lambda p: p.name)
@@ -46,9 +46,9 @@ def test_missing_scene_and_level_name_what_there_is(tmp_path):
     with pytest.raises(StageError, match="no such scene"):
         load_scene(tmp_path / "nowhere")
     with pytest.raises(StageError, match="coarse, draft, fine, medium, reference, smoke"):
-        load_scene(ROOT / "cases" / "single_finger", "huge")
+        load_scene(CASES / "single_finger", "huge")
     with pytest.raises(StageError, match=r"no level .smok.; did you mean smoke[?]"):
-        load_scene(ROOT / "cases" / "single_finger", "smok")
+        load_scene(CASES / "single_finger", "smok")
     (tmp_path / "scene.toml").write_text(f"extends = '{ROOT}/cases/single_fingr'\n")
     with pytest.raises(StageError, match=r"extends = .*: no .*; did you mean single_finger[?]"):
         load_scene(tmp_path)

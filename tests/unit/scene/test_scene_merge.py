@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.scene.read_toml import merge, read_layers, resolve
 from pipeline.scene.scene import load_scene
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
 
 def test_tables_are_merged_entry_by_entry():
@@ -90,7 +90,7 @@ def test_a_measured_pressure_takes_the_place_of_the_strokes_and_back(tmp_path, m
     (tmp_path / "child").mkdir()
     (tmp_path / "grandchild").mkdir()
     child = tmp_path / "child" / "scene.toml"
-    child.write_text(f'extends = "{ROOT / "cases" / "single_deflate"}"\n{more}\n')
+    child.write_text(f'extends = "{CASES / "single_deflate"}"\n{more}\n')
     motion = resolve(read_layers(child), "smoke")[0]["motion"]
     assert "pressure_csv" in motion
     assert not gone & motion.keys()
@@ -105,7 +105,7 @@ def test_a_measured_pressure_takes_the_place_of_the_strokes_and_back(tmp_path, m
 def test_a_scenes_own_states_hold_in_place_of_its_parents(tmp_path):
     """As make fea writes them; where motion.states is given, that holds."""
     child = tmp_path / "scene.toml"
-    parent = ROOT / "cases" / "single_finger"
+    parent = CASES / "single_finger"
     child.write_text(f'extends = "{parent}"\n')
     states = str(parent / "kinematics" / "states.h5")
     assert resolve(read_layers(child), "smoke")[0]["motion"]["states"] == states
@@ -118,7 +118,7 @@ def test_a_scenes_own_states_hold_in_place_of_its_parents(tmp_path):
 
 def test_a_remark_says_what_a_child_replaces(tmp_path):
     more = '[model]\nkind = "half"\n[mesh]\ntip_cell = 1.3e-3\n[numerics]\ntime_step = 5e-4\n'
-    (tmp_path / "scene.toml").write_text(f'extends = "{ROOT / "cases/single_finger"}"\n{more}')
+    (tmp_path / "scene.toml").write_text(f'extends = "{CASES / "single_finger"}"\n{more}')
     remark = load_scene(tmp_path, "smoke").remarks()[0]
     for word in ("mesh.tip_cell", "model.kind", "numerics.time_step", "[levels.smoke]"):
         assert word in remark

@@ -5,7 +5,7 @@ import pytest
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 BACK = """[motion]
 start_pressure_kpa = 20.0
@@ -26,7 +26,7 @@ def test_a_quarter_needs_a_pinch_and_a_pinch_is_a_quarter(tmp_path):
         write_scene(tmp_path / "single", "quarter")
     folder = tmp_path / "alone"
     folder.mkdir()
-    text = (ROOT / "cases/single_finger/scene.toml").read_text()
+    text = (CASES / "single_finger/scene.toml").read_text()
     text = text.replace('[model]\nkind = "half"', "[pinch]\nhalf_distance = 0.05")
     (folder / "scene.toml").write_text(text)
     assert load_scene(folder, "coarse").model.kind == "quarter"

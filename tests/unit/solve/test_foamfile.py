@@ -5,12 +5,12 @@ import pytest
 
 from pipeline.openfoam.foamfile import is_complete, read_field, write_field
 from piv.files.errors import StageError
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
 
 @pytest.mark.parametrize("name, shape", [("p", (7,)), ("U", (7, 3))])
 def test_a_field_is_written_into_its_template_and_read_back(tmp_path, name, shape):
-    template, path = ROOT / "cases" / "_base" / "0" / name, tmp_path / "0.25" / name
+    template, path = CASES / "_base" / "0" / name, tmp_path / "0.25" / name
     values = np.random.default_rng(1).normal(size=shape)
     write_field(path, template, values)
     assert (read_field(path, 7) == values).all()

@@ -23,7 +23,7 @@ from pipeline.solve.guards import (
 from pipeline.solve.power import power_balance
 from pipeline.solve.solver import LOG, Watchdog, failed
 from piv.files.errors import StageError
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, write_scene
 
 STEP = (
     "Courant Number mean: 0.1 max: {courant}\nTime = {time}\n\nsmoothSolver:  Solving for Ux,"
@@ -151,6 +151,25 @@ def test_an_impulsive_start_of_the_wall_is_allowed(sudden):
     assert budget.add(20e-3, 0.0, 2 * energy, 0.0) is not None  # no jump of the wall
 
 
+@pytest.mark.parametrize("part, jumps", [(0.15, False), (0.25, True)])
+def test_a_wall_whose_speed_changes_by_a_fifth_of_its_peak_in_a_step_jumps(part, jumps):
+    """A jump of less than that does little work that no sample sees; the guard must not forgive it.
+
+    The energy from nothing after it is then found, too.
+    """
+    times = np.arange(41) * 1e-3
+    speed = np.minimum(np.arange(40) / 20, 1.0) * 0.3  # grows by a twentieth of its peak in a step
+    speed[30:] -= part * 0.3
+    path = np.concatenate([[0.0], np.cumsum(speed) * 1e-3])
+    positions = square()[None] + np.stack([path, 0 * path], -1)[:, None]
+    budget = energy_budget(positions, times, 0.03, 1000.0)
+    assert budget.unresolved(29e-3, 31e-3) is jumps
+    assert not budget.unresolved(2e-3, 28e-3)
+    energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
+    budget.begin(29e-3, 0.0, energy, 0.0)
+    assert (budget.add(31e-3, 0.0, 1.2 * energy, 0.0) is None) == jumps
+
+
 def test_unexplained_power_is_warned_of_and_then_refused():
     """Of an impulsive start the work is not sampled: it is warned of, and goes on."""
     steps = np.arange(41) * 1e-3
@@ -264,7 +283,7 @@ def test_the_time_step_that_a_refusal_offers_is_accepted(scale, limit):
 
 def test_the_estimate_of_the_cells_is_of_the_right_size(tmp_path):
     """Measured: 1178 (tiny, 2-D); 3054 (smoke) and 63 thousand (coarse) of the shipped scene."""
-    shipped = ROOT / "cases" / "single_finger"
+    shipped = CASES / "single_finger"
     scenes = write_scene(tmp_path / "s"), *(load_scene(shipped, n) for n in ("smoke", "coarse"))
     for scene, cells in zip(scenes, (1178, 3054, 6.3e4), strict=True):
         assert cells / 3 < estimated_cells(scene) < 3 * cells

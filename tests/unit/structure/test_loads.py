@@ -1,7 +1,6 @@
 """Loads on slices lose nothing; a stiffness in place of the analysis."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +14,9 @@ from pipeline.structure.chain import MIDDLE, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import Surroundings
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
-STATES = read(Path(__file__).parents[3] / "cases" / "single_finger" / "kinematics" / "states.h5")
+STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
 LENGTH, EI = 0.07, 0.48e-3
 
 
@@ -66,7 +65,7 @@ def test_given_stiffness_takes_the_place_of_the_analysis():
 
 def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path, monkeypatch):
     """As f90's in the heavy water of a plane, which ended the run without a page."""
-    scene = load_scene(ROOT / "cases/single_finger", "smoke", {"motion.end_time": 0.1}, tmp_path)
+    scene = load_scene(CASES / "single_finger", "smoke", {"motion.end_time": 0.1}, tmp_path)
     kinematics.run(scene, quiet=True)
     monkeypatch.setattr(stage, "_measured_loads", lambda *_: {"time": np.zeros(2)})
     monkeypatch.setattr(motion, "LARGEST_SHARE", 1e-3)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import CASES, ROOT
 from tests.inner_make import inner_environment
 
 TEXT = (ROOT / "Makefile").read_text(encoding="utf-8")
 TARGETS = set(re.findall(r"(?m)^([a-z][a-z-]*):(?!=).*##", TEXT))
-SCENES = {path.parent.name for path in (ROOT / "cases").glob("*/scene.toml")}
+SCENES = {path.parent.name for path in CASES.glob("*/scene.toml")}
 
 
 def make(*words: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
@@ -64,6 +64,12 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["fea", "COUPLED=1"], "fea does not use COUPLED"),
         (["study", "STUDY=x.csv", "LEVEL=smoke"], "study does not use LEVEL"),
         (["single_finger", 'LEVEL=$$(touch made; echo "smoke)'], "no level"),
+        (["single_finger", "LEVEL=$(shell touch made)"], "no level '$(shell touch made)'"),
+        (["fea", "SCENE=$(shell touch made)"], "cases/$(shell touch made): no such scene"),
+        (["fea", "SCENE=;touch made;"], "cases/;touch made;: no such scene"),
+        (["tradeoff", "SCENE=`touch made`"], "cases/`touch made`: no such scene"),
+        (["study", "STUDY=$(shell touch made).csv"], "$(shell touch made).csv: no such study"),
+        (["x'; touch made; '"], "x'; touch made; ': no such scene or target"),
     ],
 )
 def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) -> None:
@@ -73,6 +79,34 @@ def test_a_wrong_name_or_value_is_one_sentence(words: list[str], sentence: str) 
     assert sentence in done.stderr
     assert "Traceback" not in done.stderr
     assert not (ROOT / "made").exists()
+
+
+def test_names_of_folders_are_no_commands(tmp_path: Path) -> None:
+    """One such folder made every target fail, or its name was run at a bare make."""
+    (tmp_path / "Makefile").write_text(TEXT)
+    ready = tmp_path / ".venv"
+    (ready / "bin").mkdir(parents=True)
+    for name in ("softfinger", "python"):
+        (ready / "bin" / name).write_text('#!/bin/sh\necho "$@"')
+        (ready / "bin" / name).chmod(0o755)
+    (ready / ".ready").touch()
+    odd = ["a$(touch${IFS}made)b", "a$(shell touch made)b", "a:b", "q;touch made", "a b", "o'br"]
+    odd += ['q"q', "a\nb", "a%", "`touch made`", "clean", "a#b", "a=b"]
+    for name in ["good", "also-good.2", *odd]:
+        (tmp_path / "cases" / name).mkdir(parents=True)
+        (tmp_path / "cases" / name / "scene.toml").write_text('extends = "../good"\n')
+    for name in ("requirements.lock", "softfinger/setup.sh", "softfinger/command.sh"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (ready / ".ready").touch()
+    for words in ([], ["good"], ["also-good.2"], ["clean"], ["a b"], ["fea", "SCENE=a:b"]):
+        done = make(*words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert not list(tmp_path.rglob("made"))
+        assert all(f"cases/{name}".split()[0] in done.stderr for name in odd if "\n" not in name)
+        assert "left out; rename the folder" in done.stderr
+    assert "run cases/good" in make("good", folder=tmp_path).stdout
+    assert "fea cases/a:b" in make("fea", "SCENE=a:b", folder=tmp_path).stdout
 
 
 def test_a_first_run_sets_up_whatever_its_values_are(tmp_path: Path) -> None:

@@ -13,10 +13,10 @@ from softfinger.make import Machine, make
 from softfinger.study.outcome import write_outcome
 from softfinger.study.plan import describe, plan_study, run_job
 from softfinger.study.rows import parse_cell, read_study
-from tests.conftest import ROOT, write_scene
+from tests.conftest import CASES, ROOT, write_scene
 
 HEADER = "run, level, until, ranks, may_fail, numerics.time_step, model.kind, camera.centre\n"
-SHIPPED = sorted((ROOT / "cases").glob("*/studies/*.csv"))
+SHIPPED = sorted(CASES.glob("*/studies/*.csv"))
 
 
 def table(folder: Path, rows: str) -> Path:
@@ -88,7 +88,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
     path = tmp_path / "s.csv"
     path.write_text("run, level, until, actuator.width\nthin, smoke, kinematics, 0.02\n")
     (row,) = read_study(path)
-    run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
+    run = run_of(describe(CASES / "single_finger", "s", row))
     assert list(run.stale("kinematics")) == ["fea", "kinematics"]
     states = run.scene.folder / run.scene.motion.states
     assert states.resolve() == (run.out / "states.h5").resolve()
@@ -105,7 +105,7 @@ def test_another_actuator_is_analysed_first(tmp_path: Path) -> None:
         ("a, tiny, solve, 1, , , 4d, \n", "run a: "),
         ("a, tiny, solve, 1, , 3e-4, , \n", "numerics.time_step"),
         ("a, tiny, solve, 1, perhaps, , , \n", "may_fail = 'perhaps'"),
-        ("a, tiny, solve, 1, no, , , , 7, 8\n", "more cells than columns"),
+        ("a, tiny, solve, 1, no, , , , 7, 8\n", "has 10 cells, the first row 8"),
     ],
 )
 def test_a_bad_table_ends_with_one_sentence(tmp_path: Path, rows: str, part: str) -> None:
@@ -161,7 +161,7 @@ def test_how_a_run_ends_is_a_result(tmp_path: Path, key, value, ended, stage) ->
 
 def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
     (row,) = read_study(table(tmp_path, "a, coarse, mesh, 1, , , , \n"))
-    run = run_of(describe(ROOT / "cases" / "single_finger", "s", row))
+    run = run_of(describe(CASES / "single_finger", "s", row))
     with pytest.raises(StageError, match="is not over after"):
         make(run, "mesh", Machine(), quiet=True, longest=0.01)
 
@@ -174,7 +174,7 @@ def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
 def test_a_batch_job_that_fails_is_a_failure_of_the_program(monkeypatch) -> None:
     monkeypatch.setattr(program, "schedule", lambda *_: 3)
     with pytest.raises(SystemExit) as end:
-        program.main(["run", str(ROOT / "cases" / "single_finger"), "--slurm", "--level", "smoke"])
+        program.main(["run", str(CASES / "single_finger"), "--slurm", "--level", "smoke"])
     assert end.value.code == 3
 
 
@@ -183,3 +183,10 @@ def test_a_value_is_written_as_in_json_or_as_in_the_scene() -> None:
     assert parse_cell('[{"pressure_kpa": 20.0, "start": 0.1}]') == stroke
     assert parse_cell("[{ pressure_kpa = 20.0, start = 0.1 }]") == stroke
     assert (parse_cell("1e-3"), parse_cell("LUST"), parse_cell("true")) == (1e-3, "LUST", True)
+
+
+@pytest.mark.parametrize("name", ["a b", "a$(touch made)b", "o'brien", "a{b}"])
+def test_a_folder_whose_name_a_shell_or_snakemake_would_read_is_refused(tmp_path, name) -> None:
+    scene = write_scene(tmp_path / name)
+    with pytest.raises(StageError, match=r"jobs need paths of letters.*rename the folder"):
+        planned(scene.folder, "a, tiny, mesh, 1, , , , \n")

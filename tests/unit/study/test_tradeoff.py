@@ -30,9 +30,9 @@ from softfinger.study.errors import (
     worst,
 )
 from softfinger.study.tradeoff import finest, front, write_results
-from tests.conftest import ROOT
+from tests.conftest import CASES
 
-SINGLE = ROOT / "cases" / "single_finger"
+SINGLE = CASES / "single_finger"
 SETTINGS = [
     Setting("draft", 1, {0.1: 0.2, 0.2: 0.4}, {"solve": 40.0, "mesh": 5.0}),
     Setting("coarse", 1, {0.1: 0.04, 0.2: 0.1}, {"solve": 300.0, "mesh": 10.0}),

@@ -1,0 +1,319 @@
+"""Why a registration does not explain its pictures: one list of causes, in order.
+
+Scale, root, clock, camera moved, outline: the first that explains the pictures stands first. The
+outline is tested at the scale, the root and each frame's bend that explain it best: where those
+leave nothing to explain it is not named, and where they cannot explain it they are not.
+The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are
+missing beside the outline or lie within it, the fit may be off by many of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline.formats.kinematics import Kinematics
+from postprocess.lab.fit_outline import DELAY, GROWTH, LAW, SCALE, law_pressure
+from postprocess.lab.outline_profile import (
+    EDGE,
+    FAR,
+    INSIDE,
+    NAMES,
+    NEAR,
+    SIDES,
+    OutlineProfile,
+    independent_share,
+)
+from postprocess.lab.register import GROWTH_STD, ROOT_STD, Fit, Known
+
+GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than the finger
+FAR_OFF = 3.0  # standard deviations from a stated or plausible value
+SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
+# Ratios to the water's own density: beside the outline at least (seeding is uneven there, but what
+# is denser bounds the outline as well), and within it at most; on the edge, to that beside it.
+MISSING, WITHIN, ON_EDGE = 0.35, 0.08, 1.25
+BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
+SHADOW = "particles are missing beside it, as in a shadow"
+UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a reflection"
+BRIGHT = "it is brighter than the water, as by a reflection"
+GREEN, RED, ORANGE = np.array([[103, 194, 39], [66, 60, 235], [66, 140, 255]])  # BGR
+
+LARGEST = 1.8  # factor by which pressure and duration may differ, either way
+MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
+JUMP = 6.0  # standard deviations of a jump: every instant is tried
+MOVED_PX, TURNED = 1.0, 0.01  # px, rad: least jump of the camera
+ENDS = 4  # pictures before and behind a jump, at least
+FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
+NOISE = 0.002  # of the range of pressure: what a single picture is not known better than
+
+
+@dataclass(frozen=True)
+class FitCheck:
+    """Sentences on what does not fit (none: accepted), and a picture of it.
+
+    A frame, its outline (point, 2) px with y up, and which of its points do not fit.
+    """
+
+    refusals: list[str]
+    picture: np.ndarray
+    outline: np.ndarray
+    wrong: np.ndarray
+
+
+def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
+    """Check a fit against its own pictures and what is `known`: the list of causes."""
+    profile, motion = fit.profile, motion_causes(fit, kinematics, known)
+    moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
+    parts = {} if moved else _wrong_parts(profile)
+    rate = profile.rate()
+    within = profile.count[..., INSIDE].sum(axis=1)
+    missing = rate * profile.area[..., NEAR].sum(axis=1) - profile.count[..., NEAR].sum(axis=1)
+    worst = int(np.argmax(within + missing))
+    # where no scale and root explain the outline, those that were fitted are its fault
+    stated = [] if parts or moved else [*scale_cause(fit, known), *root_causes(fit, known)]
+    causes = [*stated, *motion]
+    causes += outline_causes(fit, parts, known, worst, causes)
+    wrong = np.isin(profile.part, list(parts))
+    return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong)
+
+
+def _off(fit: Fit, at: int, stated: float, std: float) -> tuple[float, bool]:
+    """Difference of a value of the state from a stated one, and whether it is too far off."""
+    off = float(fit.state[at] - stated)
+    return off, abs(off) > FAR_OFF * float(np.hypot(std, np.sqrt(fit.covariance[at, at])))
+
+
+def scale_cause(fit: Fit, known: Known) -> list[str]:
+    """A scale that is not the stated one."""
+    scale_std = float(np.hypot(known.scale_std, known.length_std))
+    off, wrong = _off(fit, SCALE, -float(np.log(known.pose.pixel)), scale_std)
+    if not wrong:
+        return []
+    scale = 1e3 * np.exp(-fit.state[SCALE])
+    return [
+        f"the scale is wrong: the finger in the pictures has {scale:.4g} mm/px ±"
+        f" {100 * np.sqrt(fit.covariance[SCALE, SCALE]):.1g} %, {100 * np.expm1(-off):+.1f} % off"
+        f" the stated one, which is known to {100 * scale_std:.2g} %; correct"
+        f" scale.scale_mm_per_px ({scale:.4g} fits), its std_percent, or finger_length_std_mm"
+    ]
+
+
+def root_causes(fit: Fit, known: Known) -> list[str]:
+    """A root or a turn that is not the stated one."""
+    out, pose = [], known.pose
+    px = np.sqrt(np.diag(fit.covariance)[:2])
+    off = np.hypot(*(fit.state[:2] - pose.at_px)) * pose.pixel
+    if off > FAR_OFF * np.hypot(ROOT_STD, pose.pixel * px.max()):
+        (x, y), (x0, y0) = known.place(tuple(fit.state[:2])), known.place(pose.at_px)
+        out.append(
+            f"the root is wrong: in the pictures it lies {1e3 * off:.1f} mm from where axes.root_px"
+            f" = [{x0:.0f}, {y0:.0f}] states it; write root_px = [{x:.0f}, {y:.0f}]"
+        )
+    turn, wrong = _off(fit, 2, pose.angle, known.turn_std)
+    if wrong:
+        out.append(
+            f"the finger hangs {np.degrees(turn):+.1f}° from how axes.turn_deg states it; write"
+            f" turn_deg = {np.degrees(fit.state[2]):.1f}, or a larger turn_std_deg"
+        )
+    return out
+
+
+def motion_causes(fit: Fit, kinematics: Kinematics, known: Known) -> list[str]:
+    """A clock or a camera that the motion contradicts: the one that explains most, or none."""
+    factor, _, stretch = fit.state[LAW]
+    span = kinematics.high - kinematics.low
+    if not 1 / LARGEST < stretch < LARGEST:
+        return [
+            f"the clock is wrong: the stroke of the pictures takes {stretch:.2g} times the"
+            f" simulation's; correct frame_rate_hz to {stretch:.2g} times the stated one (of"
+            " pictures in pairs: the pairs per second), or motion.strokes of the scene"
+        ]
+    if known.delay is not None:
+        off, wrong = _off(fit, DELAY, *known.delay)
+        if wrong:
+            return [
+                f"the clock is wrong: the finger moves {abs(1e3 * off):.0f} ms"
+                f" {'later' if off > 0 else 'earlier'} than start.at_s states; correct it"
+                f" (at_s = {-fit.state[DELAY]:.3f} fits), or its std_s"
+            ]
+    if jump := _jump(fit, kinematics):
+        return [jump]
+    if not 1 / LARGEST < factor < LARGEST:
+        return [
+            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure;"
+            " correct motion.strokes of the scene"
+        ]
+    misfit = float(np.sqrt(np.mean((fit.singles[0] - fit.law) ** 2)))
+    if misfit > MISFIT * span:
+        off = abs(kinematics.splines["bend"](kinematics.high, 1)) * misfit
+        return [
+            f"single pictures lie {np.degrees(off):.1f}° (rms) off the simulation's law of motion,"
+            " however it is stretched; check frame_rate_hz, missing pictures, and motion.strokes of"
+            " the scene, or compare the motion that water changes (COUPLED=1)"
+        ]
+    return []
+
+
+def _jump(fit: Fit, kinematics: Kinematics) -> str:
+    """A sentence on the most significant jump of clock or camera; empty where there is none.
+
+    Least squares of what single pictures show by the fitted law, a smooth lag or drift, and a jump
+    from one picture on.
+    """
+    times, values = fit.times, fit.state[LAW]
+    if times.size < FEWEST:
+        return ""
+    span, lag = kinematics.high - kinematics.low, np.linspace(-1, 1, times.size)
+    slopes = []
+    for step in np.diag([1e-3, 2e-4, 1e-3]):
+        ahead, back = (law_pressure(kinematics, times, values + s * step) for s in (1, -1))
+        slopes.append((ahead - back) / (2 * step.max()))
+    # a finger that lags smoothly, as one with hysteresis, has no jump
+    law = np.stack([*slopes, slopes[1] * lag**2, slopes[1] * lag**3], axis=-1)
+    drift = lag[:, None] ** np.arange(4)
+    noise = np.hypot(fit.singles_std[0], NOISE * span)
+    found = [(_step(fit.singles[0] - fit.law, noise, law, slopes[1]), 0.7 * fit.interval)]
+    for k, least in enumerate((MOVED_PX, MOVED_PX, TURNED)):
+        seen = fit.singles[k + 1], np.hypot(fit.singles_std[k + 1], 0.1 * least)
+        found.append((_step(*seen, drift, np.ones_like(lag)), least))
+    sure = [abs(j) / s * (abs(j) > max(JUMP * s, least)) for (_, j, s), least in found]
+    kind = int(np.argmax(sure))
+    if not sure[kind]:
+        return ""
+    (at, jump, _), _ = found[kind]
+    when = f"from {times[at]:.3f} s of the recording on"
+    if kind:
+        return (
+            f"the camera moved: {when} the finger's root lies elsewhere"
+            f" (in {('x', 'y', 'angle')[kind - 1]}); give the part before or behind it as a"
+            " recording of its own"
+        )
+    where, why = "ahead of", "pictures are missing there"
+    if jump > 0:
+        where, why = "behind", "a picture is there twice, or the finger halted"
+    return (
+        f"the clock jumps: {when} the finger is {abs(jump) * 1e3:.0f} ms {where} its motion before:"
+        f" {why} (dropped frames); give the part before or behind it as a recording of its own, or"
+        " compare the motion that water changes (COUPLED=1)"
+    )
+
+
+def _step(
+    values: np.ndarray, noise: np.ndarray, smooth: np.ndarray, change: np.ndarray
+) -> tuple[int, float, float]:
+    """The most significant step of values (n,) beside `smooth` ones (n, m): place, size, std.
+
+    `change`: of the values by a step of one; `noise`: standard deviation of each.
+    """
+    best = (0, 0.0, np.inf)
+    for split in range(ENDS, values.size - ENDS):
+        basis = np.column_stack([smooth, np.where(np.arange(values.size) >= split, change, 0.0)])
+        basis = basis / noise[:, None]
+        fit = np.linalg.lstsq(basis, values / noise, rcond=None)[0]
+        left = values / noise - basis @ fit
+        scatter = max(float(np.sum(left**2)) / (values.size - basis.shape[1]), 0.3)
+        std = float(np.sqrt(scatter * np.linalg.pinv(basis.T @ basis)[-1, -1]))
+        if std > 0 and abs(fit[-1]) / std > abs(best[1]) / best[2]:
+            best = (split, float(fit[-1]), std)
+    return best
+
+
+def outline_causes(
+    fit: Fit, parts: dict[int, str], known: Known, worst: int, before: list[str]
+) -> list[str]:
+    """An outline that does not explain the pictures: its `parts`, its growth, single pictures."""
+    profile, growth, out = fit.profile, float(fit.state[GROWTH]), []
+    if parts:
+        out.append(_parts_sentence(parts))
+    if not -FAR_OFF * GROWTH_STD <= growth <= GROWN:
+        change, limit = ("grown", GROWN) if growth > 0 else ("shrunk", FAR_OFF * GROWTH_STD)
+        out.append(
+            f"the outline had to be {change} by {abs(growth):.1f} px on all sides, more than blur"
+            f" and a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or"
+            " a finger of another thickness"
+        )
+    within = profile.count[..., INSIDE].sum(axis=1)
+    allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
+    bad = within - allowed > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
+    if not parts and not before and bad.mean() > BAD_PICTURES:
+        out.append(
+            f"in {bad.mean():.0%} of the pictures, as the one at {fit.times[worst]:.3f} s,"
+            " particles lie where the fitted finger is; take out pictures in which something else"
+            " hides it"
+        )
+    shadow = {SHADOW, UNLIKE} & set(parts.values()) or growth > GROWN
+    if shadow and known.light_from is None:
+        out.append("if light comes from one side, state light_from_deg")
+    return out
+
+
+def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
+    """Parts of the outline, by their place in `NAMES`, that the pictures contradict, and how.
+
+    Whole sides are tested as well, for what is too little in one part. Counts of pictures that
+    share particles are weighed by `independent_share`.
+    """
+    share = independent_share(profile)
+    count, area = profile.count.sum(axis=0), profile.area.sum(axis=0)
+    whole = profile.rate()
+    # the water's own rate beside each part, since light is uneven; beyond the root may be a wall
+    enough = area[:, FAR] > 0.3 * np.median(area[:, FAR])
+    own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
+    own[0] = whole
+    water = np.maximum(own, 0.5 * whole)[:, None] * area
+    beside = np.maximum(
+        count[:, NEAR] / np.maximum(area[:, NEAR], 1), water[:, NEAR] / area[:, NEAR].clip(1)
+    )
+    water[:, EDGE] = beside * area[:, EDGE]
+    sees = area[:, EDGE] > 0.3 * np.median(area[area[:, EDGE] > 0, EDGE])
+    on_edge = float(np.median(count[sees, EDGE] / np.maximum(water[sees, EDGE], 1.0)))
+    tests = (
+        (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
+        (EDGE, 1, ON_EDGE, ON_EDGE, BRIGHT),
+        (EDGE, -1, on_edge, 0.5 * on_edge, UNLIKE),
+        (NEAR, -1, 1.0, MISSING, SHADOW),
+    )
+    sides = [[k for k, name in enumerate(NAMES) if name.startswith(side)] for side in SIDES]
+    found: dict[int, str] = {}
+    for parts in [*([k] for k in range(len(NAMES))), *sides]:
+        for band, sign, expected, limit, what in tests:
+            seen, of_water = count[parts, band].sum(), water[parts, band].sum()
+            noise = np.sqrt(max(expected * of_water, 1.0) / share)
+            off = sign * (seen - expected * of_water) / noise
+            if off > SURE and sign * (seen - limit * of_water) > 0:
+                found |= {part: what for part in parts if part not in found}
+    return found
+
+
+def _parts_sentence(parts: dict[int, str]) -> str:
+    """Where the outline does not fit, in words."""
+    places: dict[str, list[str]] = {}
+    for part, what in parts.items():
+        names = places.setdefault(what, [])
+        if NAMES[part] not in names:
+            names.append(NAMES[part])
+    where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
+    return (
+        f"the finger's outline does not explain the pictures: {where}; light the finger so that"
+        " water is seen all around it, or give root_hidden_mm where its root is not"
+    )
+
+
+def draw_fit(check: FitCheck) -> bytes:
+    """PNG of the picture with the outline on it, the part that does not fit in red."""
+    return outlined(check.picture, [(check.outline, np.where(check.wrong[:, None], RED, GREEN))])
+
+
+def outlined(picture: np.ndarray, outlines: list[tuple[np.ndarray, np.ndarray]]) -> bytes:
+    """PNG of a picture with outlines (point, 2; px, y up) in the colours (point, BGR) of each."""
+    grey = np.clip(picture * (255 / max(np.percentile(picture, 99.5), 1.0)), 0, 255)
+    drawn = cv2.cvtColor(grey.astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    for outline, colours in outlines:
+        corners = np.column_stack([outline[:, 0], len(picture) - 1 - outline[:, 1]])
+        corners = np.round(corners * 16).astype(np.int32)
+        for k, colour in enumerate(np.broadcast_to(colours, (len(corners), 3)).tolist()):
+            ends = corners[k - 1].tolist(), corners[k].tolist()
+            cv2.line(drawn, *ends, colour, 2, cv2.LINE_AA, 4)
+    return bytes(cv2.imencode(".png", drawn)[1])
