@@ -20,8 +20,9 @@ from tqdm import tqdm
 
 from pipeline.openfoam.environment import die_with_parent
 from pipeline.runs.estimate import duration, estimate
-from pipeline.runs.run import Run, take_over, targets
+from pipeline.runs.run import Run, targets
 from pipeline.runs.stages import FEA, Stage
+from pipeline.runs.take_over import take_over
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 from piv.files.errors import StageError, one_line, sentence, system_error

@@ -3,8 +3,6 @@
 import hashlib
 import math
 import os
-import re
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -26,15 +24,12 @@ from pipeline.structure.finger import ElasticFinger, modelled_speed
 from piv.files.atomic import sha256
 from piv.files.errors import StageError
 from piv.files.json_text import flat
-from piv.files.lock import exclusive
 from piv.files.provenance import digest
 from piv.files.record import changed_outputs, check_own, read_record, record_path
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
 _NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
-_OF_CASE = {"0", "0.orig", "constant", "system", "case.foam"}  # in an interval's folder
-_FIELDS = re.compile(r"[0-9.e-]+$|processor")  # folders that the solver writes
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 
 
@@ -257,49 +252,6 @@ def targets(target: str) -> list[str]:
     if target not in TARGETS:
         raise StageError(f"{target}: no such stage; the stages are {', '.join(TARGETS)}")
     return [stage.name for stage in until(target) if target in (stage.name, stage.group)]
-
-
-def take_over(run: Run, stage: str, source: Path) -> None:
-    """Give a run the files of a stage that another run has made in the folder `source`.
-
-    Recorded files and fields become hard links: no stage writes into a finished file. Files that a
-    solver appends to or rewrites are copied, and those of a run are no part of its case.
-    """
-    record = read_record(source, stage)
-    assert record is not None
-    record_path(run.out, stage).unlink(missing_ok=True)
-
-    def copy(old: str, new: str) -> None:
-        name = Path(old).relative_to(source)
-        part = name.parts[2]  # case/interval_0/<part>
-        field = part not in _OF_CASE and _FIELDS.match(part)
-        (_link if name.as_posix() in record["outputs"] or field else shutil.copy2)(old, new)
-
-    def ignore(folder: str, names: list[str]) -> list[str]:
-        interval = stage == "case" and Path(folder).parent == source / "case"
-        return [name for name in names if interval and name not in _OF_CASE]
-
-    folders = BY_NAME[stage].folders
-    with exclusive(run.out / "solver"):  # no solver may be at work there
-        for name in folders:
-            if (source / name).is_dir():
-                shutil.rmtree(run.out / name, ignore_errors=True)
-                shutil.copytree(source / name, run.out / name, ignore=ignore, copy_function=copy)
-    apart = [name for name in record["outputs"] if name.split("/")[0] not in folders]
-    for name in (*apart, record_path(Path(), stage)):
-        new = run.out / name
-        new.parent.mkdir(parents=True, exist_ok=True)
-        part = new.with_name(f"{new.name}.part")
-        part.unlink(missing_ok=True)
-        _link(source / name, part)
-        os.replace(part, new)
-
-
-def _link(old: str | Path, new: str | Path) -> None:
-    try:
-        os.link(old, new)
-    except OSError:  # a file system without hard links
-        shutil.copy2(old, new)
 
 
 def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:
