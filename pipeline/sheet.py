@@ -129,7 +129,7 @@ def run(
 
     `most`: planes, evenly spread over all; None: all of them.
     """
-    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    kinematics = read_kinematics(scene.motion_folder / "kinematics.h5")
     if view is None:
         if scene.body is None and (
             why := unseen_tip(scene.camera, kinematics.data["shape_tip"].values)
@@ -141,11 +141,11 @@ def run(
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet is symmetric
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
-    intervals = read_intervals(scene.out)
+    intervals = read_intervals(scene.motion_folder)
     planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
     chosen = np.linspace(0, len(planes) - 1, min(most or len(planes), len(planes)))
     planes = [planes[k] for k in chosen.round().astype(int)]
-    mirrored = bool(read_planform(scene.out, intervals[0].mesh).attrs["mirror"])
+    mirrored = bool(read_planform(scene.motion_folder, intervals[0].mesh).attrs["mirror"])
     flat, density = scene.model.kind == "2d", scene.fluid.density
     path = output or scene.out / "sheet.h5"
     about = {"source": "cfd", "tip_width": kinematics.tip_width, "versions": json.dumps(versions())}

@@ -140,7 +140,7 @@ def fea(
     quiet: Quiet = False,
 ) -> None:
     """Analyse the actuator of a scene: kinematics/states.h5 beside its scene.toml."""
-    from pipeline.fea.stage import run as analyse
+    from pipeline.structure.fea_stage import run as analyse
 
     if processes < 1:
         raise StageError(f"NP={processes}: give 1 or more")

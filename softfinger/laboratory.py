@@ -73,22 +73,21 @@ def compare_with(
     if len(set(names)) < len(names):
         raise StageError(f"DPIV: two folders have one name ({', '.join(names)}); rename one")
     lab = labs / "+".join(names)
-    make(run, "kinematics", machine, quiet)
     lab.mkdir(parents=True, exist_ok=True)
     with exclusive(lab):
-        if scene.coupled:
-            make(run, "solve", machine, quiet)
-        kinematics = read_kinematics(run.path("kinematics"))
+        make(run, run.motion, machine, quiet)
+        motion = scene.motion_folder / "kinematics.h5"
+        kinematics = read_kinematics(motion)
         kinematics = over_bend(kinematics) if scene.coupled else kinematics
         runs = _beside(run, beside if inputs else [], machine)
         cases, levels = [], level_windows([scene.folder, *scene.parents], _plane(run))
         for dpiv, name in zip(dpivs, names, strict=True):
-            bend_std = _fea_band(dpiv, kinematics, run.path("kinematics"))
+            bend_std = _fea_band(dpiv, kinematics, motion)
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
             case = Case(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
             for of, one in runs.values():
-                changed = read_kinematics(one.path("kinematics"))
+                changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
                 changed = over_bend(changed) if scene.coupled else changed
                 case.effects.append(Effect(of, *difference(kinematics, changed)))
             cases.append((dpiv, case, seen[1]))
@@ -137,7 +136,7 @@ def _beside(
         values = of.overrides(scene_numbers(StageFiles(run.scene)))
         scene, out = run.scene, run.out / "inputs" / of.name
         one = open_run(scene.folder, scene.level, dict(run.overrides) | values, out)
-        make(one, "solve" if scene.coupled else "kinematics", machine, quiet=True)
+        make(one, one.motion, machine, quiet=True)
         runs[of.name] = of, one
     return runs
 

@@ -21,8 +21,9 @@ from tqdm import tqdm
 
 from pipeline.openfoam.environment import die_with_parent, environment_in
 from pipeline.runs.estimate import duration, estimate
-from pipeline.runs.run import Run, take_over, targets
-from pipeline.runs.stages import BY_NAME, FEA, Stage, until
+from pipeline.runs.run import Run, targets
+from pipeline.runs.stages import FEA, Stage
+from pipeline.runs.take_over import take_over
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 from piv.files.errors import StageError, one_line, sentence, system_error
@@ -33,7 +34,6 @@ from piv.files.record import (
     check_own,
     check_whole,
     forget,
-    forget_run,
     read_record,
     record_path,
     write_record,
@@ -131,7 +131,7 @@ def make(
             while running or (waiting and failed is None):
                 for stage in waiting[:] if failed is None else ():
                     ahead = {*waiting, *(job.stage for job in running)}
-                    if len(running) < machine.jobs and not ahead & {*run.inputs(BY_NAME[stage])}:
+                    if len(running) < machine.jobs and not ahead & {*run.inputs(stage)}:
                         waiting.remove(stage)
                         running.append(_start(run, stage, machine))
                 _show(bar, running, waiting, seconds)
@@ -161,14 +161,12 @@ def make(
 
 def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> None:
     """Make one stage in this process; its inputs exist. Links the files of an equal run."""
-    step, begin = BY_NAME[stage], time.monotonic()
+    step, begin = run.stage(stage), time.monotonic()
     check_own(run.out)
     run.out.mkdir(parents=True, exist_ok=True)
     with exclusive(run.out / f"{stage}.stage"):
         if run.why_stale(stage) is None:
             return  # another process made it meanwhile
-        if step in until("solve"):  # these read, and write, the first guess of a coupled run
-            forget_run(run.out)
         if (twin := run.twin(stage)) is not None:
             take_over(run, stage, twin)
             if not quiet:
@@ -210,7 +208,7 @@ def make_sheet(
 
 def _check_inputs(run: Run, step: Stage) -> None:
     """StageError where a file that a stage reads is damaged, or is not this run's."""
-    for name in run.inputs(step):
+    for name in run.inputs(step.name):
         record = read_record(run.out, name)
         if record is None or record["digest"] != run.digest(name):
             raise StageError(f"{run.path(name)}: is not of these numbers; run make again")
@@ -223,7 +221,7 @@ def _call(run: Run, step: Stage, machine: Machine, quiet: bool) -> dict[str, flo
     """Call a stage's function; returns the cost of interrupted runs that it resumed."""
     module, options = import_module(step.module), machine.options(step)
     if step.piv:
-        (source,) = run.inputs(step)
+        (source,) = run.inputs(step.name)
         settings = _SETTINGS[step.name](run.scene)
         module.make(run.path(source), run.path(step.name), settings, quiet=quiet, **options)
         return None
@@ -247,7 +245,7 @@ def _cost(wall_time: float, earlier: dict[str, float]) -> dict[str, Any]:
 
 def _expected(run: Run, stage: str, machine: Machine) -> float:
     """Expected wall time of a stage, s."""
-    step = BY_NAME[stage]
+    step = run.stage(stage)
     processes = machine.ranks if step.ranks else machine.jobs if step.threads else 1
     return estimate(run, stage)[0] / processes
 

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from pipeline import case
+from pipeline.case import stage as case
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
 from pipeline.scene.limits import MAX_CELLS, MAX_CPU, MAX_DISK

@@ -189,7 +189,7 @@ def recorded(
     """Render one recording with its dpiv.toml; true pose and start, flow without and with gain."""
     rng, (run, base) = np.random.default_rng(seed), flow_of(nominal, of, _view(nominal))
     flow = stronger(base, of.gain) if of.gain else base
-    kinematics = read_kinematics(run.path("kinematics"))
+    kinematics = read_kinematics(run.scene.motion_folder / "kinematics.h5")
     stated = of.stated
     about = np.array([220.0, 430.0]) + rng.uniform(-4, 4, 2)
     std = stated.get("std", 0.5)

@@ -18,7 +18,7 @@ import numpy as np
 
 from docs.evidence.small_scene import ROOT
 from pipeline.formats.mesh_intervals import read_intervals, read_sweep
-from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.openfoam.case_folder import LEAST_CELLS
 from pipeline.runs.estimate import duration
 from pipeline.runs.run import open_run
 from pipeline.scene.predicted import predicted

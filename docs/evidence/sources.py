@@ -12,7 +12,7 @@ from pathlib import Path
 
 from docs.evidence.small_scene import ROOT
 from pipeline.runs.sources import sources_digest
-from pipeline.runs.stages import BY_NAME
+from pipeline.runs.stages import BY_NAME, COUPLED
 
 TABLE = ROOT / "tests" / "unit" / "runs" / "sources.csv"
 _COLUMNS = ("stage", "version", "sources")
@@ -21,8 +21,9 @@ _COLUMNS = ("stage", "version", "sources")
 def present(root: Path = ROOT) -> dict[str, tuple[str, ...]]:
     """Version and digest of the sources of each stage whose results outlive a change of code."""
     return {
-        name: (f"{stage.version}+{stage.coupled_version}", sources_digest(stage.module, root))
-        for name, stage in BY_NAME.items()
+        f"{name}{kind}": (str(stage.version), sources_digest(stage.module, root))
+        for kind, rows in (("", BY_NAME), ("_coupled", COUPLED))
+        for name, stage in rows.items()
         if not stage.by_sources
     }
 

@@ -9,7 +9,6 @@ import xarray as xr
 from numpy import ndarray
 
 from piv.files.errors import StageError, one_line
-from piv.files.record import of_run
 from piv.files.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -142,13 +141,10 @@ class Kinematics:
 
 
 def read_kinematics(path: Path) -> Kinematics:
-    """The motion in a kinematics.h5, of a coupled run in run/kinematics.h5 once that is there.
-
-    StageError where the file is damaged or of another format.
-    """
+    """The motion in a kinematics.h5. StageError where it is damaged or of another format."""
     from scipy.interpolate import CubicSpline
 
-    data = SCHEMA.read(of_run(path))
+    data = SCHEMA.read(path)
     try:
         parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values
         law = CubicSpline(data["time"].values, parameter)

@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from piv.files.record import of_run
 from piv.files.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
@@ -140,21 +139,20 @@ def write_planform(
     SCHEMA.write(path, arrays | attributes, groups)
 
 
-def read_intervals(out: Path) -> tuple[Interval, ...]:
-    """The intervals of a level's planform.h5, in order."""
-    file = SCHEMA.read(of_run(out / "planform.h5"))
+def read_intervals(folder: Path) -> tuple[Interval, ...]:
+    """The intervals of the planform.h5 in a folder, in order."""
+    file = SCHEMA.read(folder / "planform.h5")
     rows = zip(*(file[name].values.tolist() for name in _COLUMNS), strict=True)
     return tuple(Interval(k, b, s, e, mesh, bool(m)) for k, (b, s, e, mesh, m) in enumerate(rows))
 
 
-def read_planform(out: Path, mesh: int) -> xr.Dataset:
-    """One planform of a level's planform.h5, loaded, with the attributes that all share."""
-    return SCHEMA.read(of_run(out / "planform.h5"), f"mesh_{mesh}")
+def read_planform(folder: Path, mesh: int) -> xr.Dataset:
+    """One planform of the planform.h5 in a folder, loaded, with the attributes that all share."""
+    return SCHEMA.read(folder / "planform.h5", f"mesh_{mesh}")
 
 
 def read_planforms(path: Path) -> list[dict[str, ndarray]]:
     """The variables of all planforms of a planform.h5, in order."""
-    path = of_run(path)
     count = int(SCHEMA.read(path)["interval_mesh"].max()) + 1
     planforms = [SCHEMA.read(path, f"mesh_{mesh}") for mesh in range(count)]
     return [{str(name): v.values for name, v in p.variables.items()} for p in planforms]

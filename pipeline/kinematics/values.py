@@ -1,5 +1,7 @@
 """The variables of kinematics.h5: the law of the shapes and the shapes."""
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,14 +9,16 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.fea import paper_equations
 from pipeline.formats.bending_states import States
-from pipeline.formats.kinematics import SHAPE, SHAPE_OF_TIME
-from pipeline.kinematics.contact import closing_summary, gap
-from pipeline.kinematics.finger import FingerMotion, finger_motion, law_times
+from pipeline.formats.kinematics import SHAPE, SHAPE_OF_TIME, write_kinematics
+from pipeline.kinematics.contact import closing_sentence, closing_summary, gap
+from pipeline.kinematics.finger import FingerMotion, clipping, finger_motion, law_times
+from pipeline.kinematics.pressure_law import absolute
 from pipeline.kinematics.rigid_body import rigid_values
 from pipeline.kinematics.shape_checks import check_body, check_motion, check_number, check_shapes
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
+_JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
 _GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh there shrinks with it
 
 
@@ -122,8 +126,37 @@ def kinematics_values(
     return values
 
 
-def units_of(scene: Scene, values: dict[str, Any]) -> dict[str, str]:
-    """Units of the shape parameter where it is no pressure."""
+def write_motion(scene: Scene, folder: Path, values: dict[str, Any]) -> None:
+    """Write kinematics.h5 to a folder, with the units of a shape parameter that is no pressure."""
+    units: dict[str, str] = {}
     if scene.body is not None:  # the distance travelled
-        return dict.fromkeys(("pressure", SHAPE), "rad" if scene.motion.rotation else "m")
-    return {SHAPE: "s"} if SHAPE_OF_TIME in values else {}
+        units = dict.fromkeys(("pressure", SHAPE), "rad" if scene.motion.rotation else "m")
+    elif SHAPE_OF_TIME in values:
+        units = {SHAPE: "s"}
+    write_kinematics(folder / "kinematics.h5", values, units=units)
+
+
+def motion_sentences(scene: Scene, values: dict[str, Any]) -> Iterator[str]:
+    """What a stage prints of a motion that it has written."""
+    if scene.body:
+        yield f"kinematics: a {scene.body.shape} in {len(values['shape_parameter'])} places"
+        return
+    bend = np.degrees(values["shape_bend"])
+    yield (
+        f"kinematics: {bend.min():.1f}° … {bend.max():.1f}° of bend in {len(bend)} shapes,"
+        f" tip ≤ {values['peak_tip_speed']:.3f} m/s"
+    )
+    rate = np.abs(CubicSpline(values["time"], values["pressure"])(values["time"], 1))
+    if rate[0] > _JUMP * rate.max():
+        yield (
+            f"kinematics: warning: {scene.motion.pressure_csv or scene.motion.recording} begins"
+            " with a jump of its slope: the first peak of force is that of an impulsive start;"
+            " give motion.smoothing, or rows of rest before"
+        )
+    table = scene.motion.pressure_csv
+    beyond = clipping(scene.motion, scene.finger, scene.folder)
+    for remark in (beyond, absolute(scene.folder / table) if table else ""):
+        if remark:
+            yield f"kinematics: warning: {remark}"
+    if scene.pinch is not None:
+        yield f"kinematics: {closing_sentence(values)}"

@@ -1,16 +1,14 @@
 """The motion as OpenFOAM reads it: one field of point displacements per time step."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy import ndarray
 
 from pipeline.formats.mesh_intervals import IntervalMesh
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.foamfile import END, binary_list, header, labels_of, write_bytes
-from pipeline.openfoam.ranks import Ranks
 
 FIELD = "wantedDisplacement"
 PADDING = 3  # frames beyond the last time step
@@ -68,13 +66,14 @@ class Frames:
     Only the points that drive the others have values; zeros elsewhere compress to almost nothing.
     """
 
-    def __init__(self, case: Path, planform: xr.Dataset, sweep: xr.Dataset, ranks: Ranks) -> None:
-        self._case, self._ranks, kind = case, ranks, planform.attrs["model"]
+    def __init__(self, case: Case, mesh: IntervalMesh) -> None:
+        planform, sweep = mesh.planform, mesh.sweep
+        self._case, kind = case, planform.attrs["model"]
         node, level = sweep["node"].values, sweep["level"].values
         driving = (level == 0) | ((level == planform.sizes["level"] - 1) & (kind == "full"))
         points = [np.arange(len(node))]
-        if ranks.count > 1:
-            addressing = ranks.contents(case, "constant/polyMesh/pointProcAddressing")
+        if case.ranks > 1:
+            addressing = case.contents("constant/polyMesh/pointProcAddressing")
             points = [labels_of(block) for block in addressing]
         self._driven = [(driving[p], node[p][driving[p]]) for p in points]
         kinds = (b"empty", b"empty") if kind == "2d" else (b"symmetryPlane", b"calculated")
@@ -94,29 +93,29 @@ class Frames:
                 displacement[drives, :2] = moved[nodes]
                 values = b"nonuniform List<vector> " + binary_list(displacement)
             bodies.append(head + values + self._tail)
-        for folder, body in zip(self._ranks.folders(self._case), bodies, strict=True):
+        for folder, body in zip(self._case.folders, bodies, strict=True):
             # thousands of files, so without a sync: the solver refuses one that a power cut emptied
             content = _HEADER + body
             write_bytes(folder / time_name(time) / FIELD, content, compress=True, sync=False)
 
 
-def write_frames(case: Path, mesh: IntervalMesh, times: ndarray, ranks: Ranks) -> Iterator[float]:
+def write_frames(case: Case, mesh: IntervalMesh, times: ndarray) -> Iterator[float]:
     """Write the frames of a known motion for all `times` (s); yields them."""
-    frames = Frames(case, mesh.planform, mesh.sweep, ranks)
+    frames = Frames(case, mesh)
     start = mesh.motion.nodes(times[0])
     for time in times:
         frames.write(time, mesh.motion.nodes(time) - start)
         yield time
 
 
-def frames_laid(case: Path, ranks: Ranks) -> bool:
+def frames_laid(case: Case) -> bool:
     """Whether frames lie in a case; they are all removed together."""
-    return any(ranks.folders(case)[0].glob(f"*/{FIELD}*"))
+    return any(case.folders[0].glob(f"*/{FIELD}*"))
 
 
-def remove_frames(case: Path, ranks: Ranks) -> None:
+def remove_frames(case: Case) -> None:
     """Remove the frames, and the folders that hold nothing else."""
-    for folder in ranks.folders(case):
+    for folder in case.folders:
         for path in folder.glob(f"*/{FIELD}*"):
             path.unlink()
             if not any(path.parent.iterdir()):

@@ -17,19 +17,19 @@ from pipeline.formats.mesh_intervals import (
     read_planform,
     read_sweep,
 )
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.polymesh_files import read_faces
-from pipeline.openfoam.ranks import Ranks
 from pipeline.paraview.grids import Box, Topology, topology, walls, water
 from pipeline.scene.scene import Scene
-from pipeline.solve.checkpoint import prepared_ranks, saved_field, saved_times
+from pipeline.solve.checkpoint import prepared_case, saved_field, saved_times
 
 
 class Instant(NamedTuple):
-    """A time (s) with all fields, the interval that they are of, and the file that has them."""
+    """A time (s) with all fields, the interval and case that they are of, and their file."""
 
     time: float
     interval: Interval
-    ranks: Ranks
+    case: Case
     file: Path
 
 
@@ -42,22 +42,22 @@ class RunFields:
 
     def __init__(self, scene: Scene) -> None:
         self.out, self.density = scene.out, scene.fluid.density
+        self._motion = scene.motion_folder
         self.instants = tuple(self._instants())
         self._mesh = lru_cache(maxsize=1)(self._read_mesh)
         self._values = lru_cache(maxsize=2)(self._read_values)
 
     def _instants(self) -> Iterator[Instant]:
-        if not ((self.out / "planform.h5").exists() and (self.out / "case").exists()):
+        if not ((self._motion / "planform.h5").exists() and (self.out / "case").exists()):
             return
-        for interval in read_intervals(self.out):
-            case = self.out / "case" / interval.name
-            ranks = prepared_ranks(case)
-            saved = saved_times(case, ranks, ("U", "p"))
+        for interval in read_intervals(self._motion):
+            case = prepared_case(self.out / "case" / interval.name)
+            saved = saved_times(case, ("U", "p"))
             if saved and interval.start == 0.0:
-                yield Instant(0.0, interval, ranks, self.out / "planform.h5")
+                yield Instant(0.0, interval, case, self._motion / "planform.h5")
             for time, name in saved:
                 if time > interval.start + 1e-9:
-                    yield Instant(time, interval, ranks, ranks.folders(case)[-1] / name / "U")
+                    yield Instant(time, interval, case, case.folders[-1] / name / "U")
 
     def grids(
         self, time: float, box: Box | None = None
@@ -82,10 +82,10 @@ class RunFields:
     def _read_mesh(self, interval: Interval) -> tuple[Topology, NodeMotion, ndarray, ndarray]:
         """Topology, motion, and each point's node of the planform and z (m)."""
         planform, sweep = (
-            read_planform(self.out, interval.mesh),
+            read_planform(self._motion, interval.mesh),
             read_sweep(self.out, interval.name),
         )
-        motion = NodeMotion.of(read_kinematics(self.out / "kinematics.h5").law, planform)
+        motion = NodeMotion.of(read_kinematics(self._motion / "kinematics.h5").law, planform)
         faces = read_faces(self.out / "case" / interval.name / "constant" / "polyMesh")
         z = planform["levels"].values[sweep["level"].values]
         return topology(planform, sweep, faces), motion, sweep["node"].values, z
@@ -95,8 +95,8 @@ class RunFields:
         cells = len(self._mesh(instant.interval)[0].types)
         if instant.time == 0:
             return np.zeros((cells, 3)), np.zeros(cells)
-        case, name = self.out / "case" / instant.interval.name, instant.file.parent.name
+        name = instant.file.parent.name
         velocity, pressure = (
-            saved_field(case, f"{name}/{field}", instant.ranks, cells) for field in ("U", "p")
+            saved_field(instant.case, f"{name}/{field}", cells) for field in ("U", "p")
         )
         return velocity, self.density * pressure

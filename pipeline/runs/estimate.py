@@ -3,13 +3,12 @@
 from pipeline.fea.sections import sections
 from pipeline.fea.settings import UNCERTAIN_AT_KPA
 from pipeline.runs.run import Run
-from pipeline.runs.stages import BY_NAME, FEA
+from pipeline.runs.stages import FEA
 from pipeline.scene.predicted import predicted
 from piv.files.record import read_record
 
 # relative to coarse
 _SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}
-_COUPLED = 1.4  # CPU time over that of a prescribed run: 1.1 to 1.5 in docs/coupling.md
 
 
 def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]:
@@ -17,15 +16,16 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
     record = read_record(run.out, stage) if recorded else None
     if record is not None:
         return float(record["cpu_time"]), record["peak_memory"] / 1e6
-    seconds, memory = BY_NAME[stage].cost
+    step = run.stage(stage)
+    seconds, memory = step.cost
     if stage == FEA.name:
         fea = sections(run.scene)[1]
         more = 6 * len(UNCERTAIN_AT_KPA) if fea.uncertainty and fea.engine == "unit_cell" else 0
         return seconds * (len(fea.pressures) + more), memory
     scale = _SCALE.get(run.scene.level, 1.0)
-    if BY_NAME[stage].ranks:
+    if step.ranks:
         size = predicted(run.scene)
-        return size.cpu * (_COUPLED if run.scene.coupled else 1), max(memory, size.memory / 1e6)
+        return size.cpu * step.slower, max(memory, size.memory / 1e6)
     return seconds * scale, memory * max(1.0, scale)
 
 

@@ -3,8 +3,6 @@
 import hashlib
 import math
 import os
-import re
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,22 +17,19 @@ from pipeline.kinematics.camera_window import following, tip_path, unseen_tip
 from pipeline.kinematics.values import kinematics_values
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.sources import sources_digest
-from pipeline.runs.stages import BY_NAME, FEA, TARGETS, Stage, until
+from pipeline.runs.stages import BY_NAME, COUPLED, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.structure.finger import ElasticFinger, modelled_speed
 from piv.files.atomic import sha256
 from piv.files.errors import StageError
 from piv.files.json_text import flat
-from piv.files.lock import exclusive
 from piv.files.provenance import digest
 from piv.files.record import changed_outputs, check_own, read_record, record_path
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
 _NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
-_OF_CASE = {"0", "0.orig", "constant", "system", "case.foam"}  # in an interval's folder
-_FIELDS = re.compile(r"[0-9.e-]+$|processor")  # folders that the solver writes
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 
 
@@ -56,13 +51,22 @@ class Run:
         """Folder of the results."""
         return self.scene.out
 
+    def stage(self, name: str) -> Stage:
+        """The row of a stage, of a coupled run where the scene is one."""
+        return (COUPLED if self.scene.coupled else {}).get(name, BY_NAME[name])
+
+    @property
+    def motion(self) -> str:
+        """Name of the stage that gives the motion and the meshes of the flow."""
+        return "solve" if self.scene.coupled else "kinematics"
+
     def path(self, stage: str) -> Path:
         """The first file of a stage."""
-        return self.out / BY_NAME[stage].done
+        return self.out / self.stage(stage).done
 
-    def inputs(self, stage: Stage) -> tuple[str, ...]:
+    def inputs(self, stage: str) -> tuple[str, ...]:
         """Names of the stages that a stage reads."""
-        return ("fea",) if self.analysed and stage.name == "kinematics" else stage.inputs
+        return ("fea",) if self.analysed and stage == "kinematics" else self.stage(stage).inputs
 
     @cached_property
     def _numbers(self) -> dict[str, Any]:
@@ -73,10 +77,9 @@ class Run:
 
         Keys without a value are omitted, so that a new optional key makes no result stale.
         """
-        step = BY_NAME[stage]
+        step = self.stage(stage)
         numbers: dict[str, Any] = {}
-        coupled = step.coupled if self.scene.coupled else {}
-        for section, keys in (step.sections | coupled).items():
+        for section, keys in step.sections.items():
             part = self._numbers[section]
             chosen = part if keys is True else {k: v for k, v in part.items() if k in keys}
             numbers |= flat({section: chosen})
@@ -86,9 +89,8 @@ class Run:
         files = {name: _sum(path) for name, path in sorted(_files(step, self.scene).items())}
         if self.analysed:
             files.pop("motion.states", None)  # the result of the stage fea, an input
-        inputs = {name: self.digest(name) for name in self.inputs(step)}
-        version = step.version + (step.coupled_version if self.scene.coupled else 0)
-        made = {"version": version, "numbers": numbers, "files": files, "inputs": inputs}
+        inputs = {name: self.digest(name) for name in self.inputs(stage)}
+        made = {"version": step.version, "numbers": numbers, "files": files, "inputs": inputs}
         return made | ({"sources": sources_digest(step.module)} if step.by_sources else {})
 
     def digest(self, stage: str) -> str:
@@ -121,8 +123,8 @@ class Run:
             if stage in reasons:
                 return
             why = self.why_stale(stage)
-            for name in self.inputs(BY_NAME[stage]):
-                if why or not BY_NAME[name].temporary:
+            for name in self.inputs(stage):
+                if why or not self.stage(name).temporary:
                     visit(name)
             if why:
                 reasons[stage] = why
@@ -158,8 +160,10 @@ class Run:
 
     def _check_view(self) -> None:
         """StageError where the tip leaves the camera's picture, or its path is not known."""
-        if self.why_stale("kinematics") is None:  # its motion is nearer to that of the run
-            tip = read_kinematics(self.path("kinematics")).data["shape_tip"].values
+        known = self.why_stale(self.motion) is None
+        if known or self.why_stale("kinematics") is None:  # nearer to the motion of the run
+            folder = self.scene.motion_folder if known else self.out
+            tip = read_kinematics(folder / "kinematics.h5").data["shape_tip"].values
         elif self.analysed and self.scene.camera.centre is not None:
             return  # the states are not there yet
         else:
@@ -248,49 +252,6 @@ def targets(target: str) -> list[str]:
     if target not in TARGETS:
         raise StageError(f"{target}: no such stage; the stages are {', '.join(TARGETS)}")
     return [stage.name for stage in until(target) if target in (stage.name, stage.group)]
-
-
-def take_over(run: Run, stage: str, source: Path) -> None:
-    """Give a run the files of a stage that another run has made in the folder `source`.
-
-    Recorded files and fields become hard links: no stage writes into a finished file. Files that a
-    solver appends to or rewrites are copied, and those of a run are no part of its case.
-    """
-    record = read_record(source, stage)
-    assert record is not None
-    record_path(run.out, stage).unlink(missing_ok=True)
-
-    def copy(old: str, new: str) -> None:
-        name = Path(old).relative_to(source)
-        part = name.parts[2]  # case/interval_0/<part>
-        field = part not in _OF_CASE and _FIELDS.match(part)
-        (_link if name.as_posix() in record["outputs"] or field else shutil.copy2)(old, new)
-
-    def ignore(folder: str, names: list[str]) -> list[str]:
-        interval = stage == "case" and Path(folder).parent == source / "case"
-        return [name for name in names if interval and name not in _OF_CASE]
-
-    folders = BY_NAME[stage].folders
-    with exclusive(run.out / "solver"):  # no solver may be at work there
-        for name in folders:
-            if (source / name).is_dir():
-                shutil.rmtree(run.out / name, ignore_errors=True)
-                shutil.copytree(source / name, run.out / name, ignore=ignore, copy_function=copy)
-    apart = [name for name in record["outputs"] if name.split("/")[0] not in folders]
-    for name in (*apart, record_path(Path(), stage)):
-        new = run.out / name
-        new.parent.mkdir(parents=True, exist_ok=True)
-        part = new.with_name(f"{new.name}.part")
-        part.unlink(missing_ok=True)
-        _link(source / name, part)
-        os.replace(part, new)
-
-
-def _link(old: str | Path, new: str | Path) -> None:
-    try:
-        os.link(old, new)
-    except OSError:  # a file system without hard links
-        shutil.copy2(old, new)
 
 
 def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:

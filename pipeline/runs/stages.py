@@ -1,6 +1,6 @@
 """The table of stages: runs, studies, estimates, reports and `softfinger stages` follow from it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 
@@ -10,11 +10,10 @@ class Stage:
 
     module: has run(scene, quiet, **options), or is a command of piv where `piv`.
     outputs: patterns of files; the next stages read the first. folders: linked whole into an equal
-    run. sections: keys of the scene that the result depends on, True for all; coupled: those that
-    it also depends on in a coupled run. version: a new one makes results stale; coupled_version
-    is added in a coupled run. by_sources: each change of its code makes results stale, too. cost:
-    CPU seconds and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by
-    bending state.
+    run. sections: keys of the scene that the result depends on, True for all. version: a new one
+    makes results stale. by_sources: each change of its code makes results stale, too. cost: CPU
+    seconds and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by
+    bending state. slower: CPU time over that of the prescribed run of the same scene.
     """
 
     name: str
@@ -23,13 +22,12 @@ class Stage:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     sections: dict[str, Any] = field(default_factory=dict)
-    coupled: dict[str, Any] = field(default_factory=dict)
     version: int = 1
-    coupled_version: int = 0
     group: str = ""
     piv: bool = False
     folders: tuple[str, ...] = ()
     cost: tuple[float, float] = (0, 0)
+    slower: float = 1.0
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
     by_sources: bool = False
@@ -49,7 +47,7 @@ _SHEET_GRID = {
 }  # camera keys that set the grid of the sheet
 _MOTION = ("tank", "finger", "body", "pinch", "support", "obstacle", "motion")
 FEA = Stage(
-    "fea", "pipeline.fea.stage", "bending states of the actuator",
+    "fea", "pipeline.structure.fea_stage", "bending states of the actuator",
     outputs=("states.h5",), sections={"actuator": True, "fea": True}, cost=(1.5, 600),
     threads=True,
 )  # fmt: skip
@@ -57,7 +55,6 @@ STAGES = (
     Stage(
         "kinematics", "pipeline.kinematics.stage", "pressure history and shapes of the finger",
         outputs=("kinematics.h5",), sections=dict.fromkeys(_MOTION, True),
-        coupled={"structure": True, "fluid": True, "model": True, "numerics": {"time_step"}},
         cost=(1, 400),
     ),
     # an interval begins with a picture of the sheet, and its shapes overlap by some time steps
@@ -70,13 +67,13 @@ STAGES = (
     ),
     # the solver uses only these keys of the sheet, so that a finer grid needs no new solution
     Stage(
-        "case", "pipeline.case", "the OpenFOAM case",
+        "case", "pipeline.case.stage", "the OpenFOAM case",
         ("mesh",),
         # all but system/numbers and decomposeParDict, which the stage solve writes
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(1, 500), temporary=True, coupled_version=3,
+        folders=("case",), cost=(1, 500), temporary=True,
     ),
     Stage(
         "solve", "pipeline.solve.stage", "the flow, by OpenFOAM; resumes after an interruption",
@@ -137,7 +134,27 @@ STAGES = (
         {"title": True, "name": True, "level": True}, cost=(1, 900), by_sources=True,
     ),
 )  # fmt: skip
+_GUESSED = {"kinematics", "mesh"}
+_STRUCTURE = {"structure": True, "fluid": True, "model": True, "numerics": {"time_step"}}
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}
+# The rows of a coupled run in their place. Its solver gives the motion and the meshes: what
+# kinematics and mesh have made is a first guess.
+COUPLED = {
+    stage.name: stage
+    for stage in (
+        replace(
+            BY_NAME["kinematics"], module="pipeline.couple.first_motion",
+            sections=BY_NAME["kinematics"].sections | _STRUCTURE,
+        ),
+        replace(BY_NAME["case"], version=4),
+        # 1.1 to 1.5 in docs/coupling.md
+        replace(BY_NAME["solve"], module="pipeline.couple.stage", slower=1.4),
+        *(
+            replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
+            for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}
+        ),
+    )
+}  # fmt: skip
 TARGETS = tuple(dict.fromkeys(word for s in STAGES for word in (s.name, s.group) if word))
 
 

@@ -108,6 +108,14 @@ class Scene(Section):
         return self.motion.source == "structure"
 
     @property
+    def motion_folder(self) -> Path:
+        """Folder of the flow's motion and meshes: kinematics.h5, planform.h5, mesh_quality.csv.
+
+        A coupled solver writes its own; those in `out` are a first guess then.
+        """
+        return self.out / "run" if self.coupled else self.out
+
+    @property
     def both_fingers(self) -> bool:
         """Whether the mesh holds both fingers of a pinch, not one beside its plane of symmetry."""
         return self.pinch is not None and self.model.kind in ("half", "full")

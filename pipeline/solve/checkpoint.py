@@ -1,4 +1,4 @@
-"""What a run left in a case: for what it was prepared, its last checkpoint, tables to rewrite."""
+"""What a run left in a case: its state and cost, its last checkpoint, tables to rewrite."""
 
 import re
 from itertools import pairwise
@@ -7,62 +7,64 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.formats.mesh_intervals import Interval
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.foamfile import field_of, is_complete, labels_of, read_field
 from pipeline.openfoam.function_objects import table_rows, tables
-from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from piv.files.errors import StageError
 from piv.files.json_text import read_json
 
 LOG = "log.pimpleFoam"
 STATE = "state.json"  # the mesh, ranks and OpenFOAM for which an interval's folder was prepared
+PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
 _LOGGED_STEP = re.compile(r"(?m)^ExecutionTime = .*ClockTime = \d+ s$")
 FIELDS = ("U", "p", "phi", "uniform/time")
 MOVED = ("pointDisplacement", "polyMesh/points")  # written where the mesh moves
 
 
-def case_state(case: Path, ranks: Ranks) -> dict[str, Any]:
-    """The mesh (time of its file), ranks and OpenFOAM to which the files in `case` belong."""
-    points = case / "constant" / "polyMesh" / "points"
+def case_state(case: Case) -> dict[str, Any]:
+    """The mesh (time of its file), ranks and OpenFOAM to which the files of a case belong."""
+    points = case.folder / "constant" / "polyMesh" / "points"
     if not points.exists():
-        raise StageError(f"{case}: no mesh; run the case stage first")
-    return {"ranks": ranks.count, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
+        raise StageError(f"{case.folder}: no mesh; run the case stage first")
+    return {"ranks": case.ranks, "mesh": points.stat().st_mtime_ns, "version": foam_version()}
 
 
-def prepared_for(case: Path) -> dict[str, Any]:
-    """The state for which `case` was last prepared, or {}. StageError where the file is damaged."""
-    path, remedy = case / STATE, "delete it and run make again"
+def prepared_for(folder: Path) -> dict[str, Any]:
+    """The state for which a case was last prepared, or {}. StageError where it is damaged."""
+    path, remedy = folder / STATE, "delete it and run make again"
     if not path.exists():
         return {}
-    return read_json(path, f"{remedy}: {case.name} is solved from its beginning")
+    return read_json(path, f"{remedy}: {folder.name} is solved from its beginning")
 
 
-def prepared_ranks(case: Path) -> Ranks:
-    """The ranks for which `case` was last prepared; one where it never was."""
-    return Ranks(prepared_for(case).get("ranks", 1))
+def prepared_case(folder: Path) -> Case:
+    """The case in `folder` with the ranks for which it was last prepared; one where never."""
+    return Case(folder, prepared_for(folder).get("ranks", 1))
 
 
-def resumable_ranks(case: Path, moving: bool, ranks: Ranks, quiet: bool) -> Ranks:
-    """The ranks of an interrupted run that can be resumed, else `ranks`.
+def resumable_case(case: Case, moving: bool, quiet: bool) -> Case:
+    """The case as an interrupted run has left it that can be resumed, else `case`.
 
-    `case`: folder of the first interval, whose mesh is `moving` or not; the others follow it.
+    `case`: of the first interval, whose mesh is `moving` or not; the others follow it.
     """
-    earlier = prepared_ranks(case)
-    known = earlier != ranks and prepared_for(case) == case_state(case, earlier)
-    if not known or last_checkpoint(case, earlier, moving) is None:
-        return ranks
+    earlier = prepared_case(case.folder)
+    known = earlier != case and prepared_for(case.folder) == case_state(earlier)
+    if not known or last_checkpoint(earlier, moving) is None:
+        return case
     if not quiet:
         print(
-            f"run: resumes with {earlier}, not {ranks} (remove {case.parent} to start again from"
-            " the beginning)"
+            f"solve: resumes with {earlier.ranks} rank{'s' * (earlier.ranks > 1)}, not {case.ranks}"
+            f" (remove {case.folder.parent} to start again from the beginning)"
         )
     return earlier
 
 
-def saved_times(case: Path, ranks: Ranks, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
+def saved_times(case: Case, wanted: tuple[str, ...]) -> list[tuple[float, str]]:
     """Times (s) and folders' names, ascending, with whole files of all ranks, also `wanted`."""
-    of_ranks = [_whole_times(folder, wanted) for folder in ranks.folders(case)]
+    of_ranks = [_whole_times(folder, wanted) for folder in case.folders]
     return sorted((t, n) for t, n in of_ranks[0].items() if all(t in times for times in of_ranks))
 
 
@@ -74,42 +76,46 @@ def _whole_times(folder: Path, wanted: tuple[str, ...]) -> dict[float, str]:
             continue
         # old-time fields of the second-order scheme count as well; frames of the motion do not
         files = [path for path in place.rglob("*") if path.is_file() and path.suffix != ".gz"]
-        if all(is_complete(path) for path in files):
+        if all(map(is_complete, files)):
             saved[time] = place.name
     return saved
 
 
-def saved_field(case: Path, name: str, ranks: Ranks, cells: int) -> np.ndarray:
+def saved_field(case: Case, name: str, cells: int) -> np.ndarray:
     """A field `<time>/<name>` of all cells in the mesh's own order, from the files of all ranks."""
-    if ranks.count == 1:
-        return read_field(case / name, cells)
+    if case.ranks == 1:
+        return read_field(case.folder / name, cells)
     whole: np.ndarray | None = None
-    addressing = ranks.contents(case, "constant/polyMesh/cellProcAddressing")
-    for labels, content in zip(addressing, ranks.contents(case, name), strict=True):
+    addressing = case.contents("constant/polyMesh/cellProcAddressing")
+    for labels, content in zip(addressing, case.contents(name), strict=True):
         members = labels_of(labels)
-        part = field_of(content, len(members), case / name)
+        part = field_of(content, len(members), case.folder / name)
         if whole is None:
             whole = np.full((cells, *part.shape[1:]), np.nan)
         whole[members] = part
     if whole is None or np.isnan(whole).any():
-        raise StageError(f"{case}: {name} is not whole; delete the case folder and run make again")
+        raise StageError(
+            f"{case.folder}: {name} is not whole; delete the case folder and run make again"
+        )
     return whole
 
 
-def last_checkpoint(case: Path, ranks: Ranks, moving: bool = True) -> tuple[float, str] | None:
+def last_checkpoint(case: Case, moving: bool = True) -> tuple[float, str] | None:
     """Latest time that all ranks, samples and the log have on disk; None without one."""
-    sampled = min(sampled_until(case), np.nextafter(first_damaged(case), 0.0), _logged_until(case))
-    saved = saved_times(case, ranks, FIELDS + (MOVED if moving else ()))
+    folder = case.folder
+    limits = sampled_until(folder), np.nextafter(first_damaged(folder), 0.0), _logged_until(folder)
+    sampled = min(limits)
+    saved = saved_times(case, FIELDS + (MOVED if moving else ()))
     return max((at for at in saved if at[0] <= sampled * (1 + 1e-9)), default=None)
 
 
-def reached_time(case: Path, ranks: Ranks, name: str) -> str:
+def reached_time(case: Case, name: str) -> str:
     """The time of the checkpoint `name` (s) with all its digits; the folder's name shows eight.
 
     Started at the rounded time, the solver would interpolate the mesh motion elsewhere and differ
     from an undisturbed run.
     """
-    path = ranks.folders(case)[0] / name / "uniform" / "time"
+    path = case.folders[0] / name / "uniform" / "time"
     value = re.search(r"(?m)^value\s+(\S+);", path.read_text(errors="replace"))
     if value is None:
         raise StageError(
@@ -118,18 +124,37 @@ def reached_time(case: Path, ranks: Ranks, name: str) -> str:
     return value[1]
 
 
-def first_damaged(case: Path) -> float:
+def read_progress(folder: Path) -> dict[str, Any]:
+    """Cost of an interval (`wall_time`, `cpu_time`, s), times of its resumptions, whether `ended`.
+
+    StageError where the file is damaged.
+    """
+    path = folder / PROGRESS
+    remedy = (
+        "delete it and run make again: the solver resumes from its last checkpoint, its cost counts"
+        " from there"
+    )
+    known = read_json(path, remedy) if path.exists() else {}
+    return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
+
+
+def has_ended(folder: Path, interval: Interval) -> bool:
+    """Whether an interval was solved to its end and all its sampled surfaces are there."""
+    return bool(read_progress(folder).get("ended")) and first_damaged(folder) > interval.end
+
+
+def first_damaged(folder: Path) -> float:
     """Earliest time (s) whose sampled surface is missing or cut off; infinite without one.
 
     Each kind of surface has its own sampling interval: the least between two of its times.
     """
     surfaces_whole = [
         {
-            time: any(map(is_whole_vtk, folder.glob("*.vtk")))
-            for folder in surfaces.iterdir()
-            if (time := _number(folder.name)) is not None
+            time: any(map(is_whole_vtk, at.glob("*.vtk")))
+            for at in surfaces.iterdir()
+            if (time := _number(at.name)) is not None
         }
-        for surfaces in (case / "postProcessing").glob("*Surface")
+        for surfaces in (folder / "postProcessing").glob("*Surface")
     ]
     last = max((time for whole in surfaces_whole for time in whole), default=0.0)
     damaged = [time for whole in surfaces_whole for time, good in whole.items() if not good]
@@ -143,9 +168,9 @@ def first_damaged(case: Path) -> float:
     return min(damaged, default=np.inf)
 
 
-def force_times(case: Path) -> list[float]:
+def force_times(folder: Path) -> list[float]:
     """The solver's last start (s), and the times in its table of forces since then."""
-    parts = tables(case / "postProcessing" / "forces", "*.dat")
+    parts = tables(folder / "postProcessing" / "forces", "*.dat")
     if not parts:
         return [0.0]
     start = parts[-1][0]
@@ -153,32 +178,32 @@ def force_times(case: Path) -> list[float]:
     return [start, *sorted(float(time) for path in paths for time in table_rows(path)[:, 0])]
 
 
-def sampled_until(case: Path) -> float:
+def sampled_until(folder: Path) -> float:
     """Latest time (s) whose samples are surely whole: the forces of the next step are there."""
-    times = force_times(case)
+    times = force_times(folder)
     return times[-3] if len(times) > 3 else times[0]
 
 
-def _logged_until(case: Path) -> float:
+def _logged_until(folder: Path) -> float:
     """Time (s) of the last whole step in the solver's log; infinite without a log.
 
     MPI passes the log on late: a kill may lose lines, needed by history.csv, of steps on disk.
     """
-    if not (case / LOG).exists():
+    if not (folder / LOG).exists():
         return np.inf
-    text = (case / LOG).read_text(errors="replace")
+    text = (folder / LOG).read_text(errors="replace")
     ends = [step.start() for step in _LOGGED_STEP.finditer(text)]
     times = re.findall(r"(?m)^Time = (\S+)$", text[: ends[-1]]) if ends else []
     return float(times[-1]) if times else 0.0
 
 
-def drop_tables(case: Path, start: float) -> None:
+def drop_tables(folder: Path, start: float) -> None:
     """Remove the tables of solvers started at `start` (s) or later.
 
     OpenFOAM would write `<name>_<time>.dat` beside them, and tables from a later, damaged
     checkpoint must not replace new ones.
     """
-    for recorder in (case / "postProcessing").glob("*"):
+    for recorder in (folder / "postProcessing").glob("*"):
         for time, path in tables(recorder, "*.dat"):
             if time >= start - 1e-9:
                 path.unlink()

@@ -1,7 +1,6 @@
 """Field mapping between two mesh intervals: the earlier one's flow on the later one's mesh."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import shapely
@@ -10,9 +9,9 @@ from scipy.spatial import cKDTree
 
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.geometry.quality import Edges, cell_areas, cell_centres, planform_edges
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.foamfile import END, header, write_bytes, write_field
-from pipeline.openfoam.ranks import Ranks
 from pipeline.solve.checkpoint import saved_field
 
 
@@ -173,19 +172,17 @@ def energy_share(source: SweptCells, target: SweptCells, velocity: ndarray, aver
     return float(np.clip((-b + np.sqrt(max(b * b - 4 * a * c, 0.0))) / (2 * a), -1.0, 2.0))
 
 
-def map_fields(
-    old: Path, before: IntervalMesh, case: Path, mesh: IntervalMesh, ranks: Ranks, step: int
-) -> None:
+def map_fields(old: Case, before: IntervalMesh, case: Case, mesh: IntervalMesh, step: int) -> None:
     """Write the first fields of `case`, at time step number `step`, from those of the case `old`.
 
     `before`, `mesh`: the meshes of both.
     """
     time = mesh.interval.begin
     name = time_name(time)
-    new, templates = case / name, case / "0.orig"
+    new, templates = case.folder / name, case.folder / "0.orig"
     source, target = (swept_cells(each, time) for each in (before, mesh))
     velocity, pressure = (
-        saved_field(old, f"{name}/{field}", ranks, len(source.column)) for field in ("U", "p")
+        saved_field(old, f"{name}/{field}", len(source.column)) for field in ("U", "p")
     )
     overlap = overlap_of(source, target)
     averaged, sampled = carry(source, target, overlap, velocity, no_slip=True)

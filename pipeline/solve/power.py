@@ -15,10 +15,10 @@ from scipy.interpolate import PchipInterpolator
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.formats.records import LOSSES
 from pipeline.geometry.quality import cell_areas, cell_centres
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.openfoam.polymesh_files import Faces, read_faces
-from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import wall_forces
 from pipeline.scene.sections import Fluid
 from pipeline.solve.checkpoint import saved_field, saved_times
@@ -131,24 +131,22 @@ def _gradient(mesh: _FaceGeometry, inner: ndarray, boundary: ndarray) -> ndarray
     return gradient
 
 
-def term_rows(
-    case: Path, mesh: IntervalMesh, ranks: Ranks, fluid: Fluid, convection: str
-) -> ndarray:
+def term_rows(case: Case, mesh: IntervalMesh, fluid: Fluid, convection: str) -> ndarray:
     """Rows POWER_TERMS (W) of the computed part of the tank, of the fields written in an interval.
 
     `convection`: numerics.convection.
     """
     node = mesh.sweep["node"].values
-    faces = read_faces(case / "constant" / "polyMesh")
+    faces = read_faces(case.folder / "constant" / "polyMesh")
     rows = []
-    for time, name in saved_times(case, ranks, ("U", "p")):
+    for time, name in saved_times(case, ("U", "p")):
         if time < mesh.interval.start + 1e-9:
             continue  # in the overlap with the interval before
         shape = geometry_at(faces, mesh, time)
         cells = len(shape.volume)
-        modelled = ["nut"] if (ranks.folders(case)[0] / name / "nut").exists() else []
+        modelled = ["nut"] if (case.folders[0] / name / "nut").exists() else []
         velocity, pressure, *viscosity = (
-            saved_field(case, f"{name}/{field}", ranks, cells) for field in ("U", "p", *modelled)
+            saved_field(case, f"{name}/{field}", cells) for field in ("U", "p", *modelled)
         )
         effective = sum(viscosity, np.full(cells, fluid.kinematic_viscosity))
         plane = mesh.motion.velocity(time)[node][faces.corners].mean(1)

@@ -3,85 +3,67 @@
 import json
 import re
 import shutil
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from numpy import ndarray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from tqdm import tqdm
 
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.geometry.quality import cell_centres, neighbours, planform_edges
-from pipeline.openfoam.displacement_files import Steps, frames_laid, time_name, write_frames
+from pipeline.openfoam.case_folder import Case
+from pipeline.openfoam.displacement_files import frames_laid, time_name
 from pipeline.openfoam.environment import run_tool
 from pipeline.openfoam.foamfile import set_number, write_list
-from pipeline.openfoam.ranks import Ranks
-from pipeline.solve.checkpoint import STATE, case_state, prepared_for
+from pipeline.solve.checkpoint import PROGRESS, STATE, case_state, has_ended, prepared_for
+from pipeline.solve.interval import KnownMotion, SolverInterval
 from pipeline.solve.map_fields import map_fields
-from pipeline.solve.solver import PROGRESS, has_ended
 from piv.files.atomic import write_text
 
 _REPAIRS = 10  # rounds of moving stray pieces; two were enough for 64 ranks on every level
 
 
-def prepare(
-    cases: list[Path],
-    meshes: list[IntervalMesh],
-    k: int,
-    ranks: Ranks,
-    steps: Steps,
-    quiet: bool,
-    lay_frames: Callable[[], None] | None = None,
-) -> None:
-    """Decompose case number `k`, map its first fields and write its motion, unless done.
+def prepare(parts: Sequence[SolverInterval], k: int, motion: KnownMotion, quiet: bool) -> None:
+    """Decompose the case of part `k`, map its first fields and write its motion, unless done.
 
-    Done counts only for the same mesh, ranks and version of OpenFOAM. `lay_frames`: of a coupled
-    run, in place of the frames of the mesh's motion.
+    Done counts only for the same mesh, ranks and version of OpenFOAM.
     """
-    case, mesh = cases[k], meshes[k]
-    wanted = case_state(case, ranks)
-    done = prepared_for(case) == wanted
+    case, mesh = parts[k].case, parts[k].mesh
+    folder, wanted = case.folder, case_state(case)
+    done = prepared_for(folder) == wanted
     # the frames are removed after an interval: one that is solved again needs them
-    if done and (has_ended(case, mesh.interval) or frames_laid(case, ranks)):
+    if done and (has_ended(folder, mesh.interval) or frames_laid(case)):
         return
     if not done:
         # interrupted from here on, this interval and those after it start from the beginning
-        for later in reversed(cases[k:]):
+        for later in reversed(parts[k:]):
             for stale in (STATE, PROGRESS):
-                (later / stale).unlink(missing_ok=True)
-        for folder in case.iterdir():
-            time = re.fullmatch(r"[0-9.e-]+", folder.name) and folder.name != "0"
-            if folder.is_dir() and (
-                time or folder.name.startswith(("processor", "postProcessing"))
-            ):
-                shutil.rmtree(folder)
+                (later.case.folder / stale).unlink(missing_ok=True)
+        for old in folder.iterdir():
+            time = re.fullmatch(r"[0-9.e-]+", old.name) and old.name != "0"
+            if old.is_dir() and (time or old.name.startswith(("processor", "postProcessing"))):
+                shutil.rmtree(old)
         if k:
-            map_fields(cases[k - 1], meshes[k - 1], case, mesh, ranks, steps.first)
-        if ranks.count > 1:
-            _decompose(case, mesh, ranks)
-    if lay_frames:
-        lay_frames()
-    elif mesh.interval.moving:
-        frames = write_frames(case, mesh, steps.times, ranks)
-        for _ in tqdm(frames, desc="frames", total=len(steps.times), disable=quiet or None):
-            pass
+            map_fields(parts[k - 1].case, parts[k - 1].mesh, case, mesh, parts[k].steps.first)
+        if case.ranks > 1:
+            _decompose(case, mesh)
+    motion.write_frames(quiet)
     if not done:
-        write_text(case / STATE, json.dumps(wanted))
+        write_text(folder / STATE, json.dumps(wanted))
 
 
-def _decompose(case: Path, mesh: IntervalMesh, ranks: Ranks) -> None:
-    planform, column = mesh.planform, mesh.sweep["cell_column"].values
+def _decompose(case: Case, mesh: IntervalMesh) -> None:
+    planform, column, folder = mesh.planform, mesh.sweep["cell_column"].values, case.folder
     cells = planform["triangles"].values, planform["quads"].values
     centres = cell_centres(planform["points"].values[0], *cells)
     pairs = neighbours(planform_edges(*cells))
     load = np.bincount(column, minlength=len(centres)).astype(float)
-    rank = partition_columns(centres, load, ranks.count, pairs)[column]
-    write_list(case / "constant" / "cellDecomposition", "labelList", "constant", rank)
-    set_number(case, "startTime", time_name(mesh.interval.begin))
-    set_number(case, "numberOfSubdomains", str(ranks.count), "decomposeParDict")
-    run_tool(["decomposePar", "-force", "-noFunctionObjects"], case)
+    rank = partition_columns(centres, load, case.ranks, pairs)[column]
+    write_list(folder / "constant" / "cellDecomposition", "labelList", "constant", rank)
+    set_number(folder, "startTime", time_name(mesh.interval.begin))
+    set_number(folder, "numberOfSubdomains", str(case.ranks), "decomposeParDict")
+    run_tool(["decomposePar", "-force", "-noFunctionObjects"], folder)
 
 
 def partition_columns(centres: ndarray, load: ndarray, ranks: int, pairs: ndarray) -> ndarray:

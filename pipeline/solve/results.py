@@ -1,6 +1,7 @@
 """From the solver's raw output to tables: forces, power balance, history of the run."""
 
 import re
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -8,16 +9,19 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from pipeline.formats.mesh_intervals import PER_FINGER, IntervalMesh
-from pipeline.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS
+from pipeline.formats.mesh_intervals import PER_FINGER
+from pipeline.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
+from pipeline.openfoam.displacement_files import steps_of
+from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.function_objects import read_function_object
-from pipeline.openfoam.ranks import Ranks
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
-from pipeline.scene.sections import Fluid
+from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import LOG
-from pipeline.solve.guards import Budget, energy_from_nothing
+from pipeline.solve.guards import energy_from_nothing, power_warning
+from pipeline.solve.interval import SolverInterval
 from pipeline.solve.power import power_balance, power_rows, term_rows
-from piv.files.record import of_run
+from pipeline.solve.solver import Progress
+from piv.files.provenance import versions
 
 
 def _forces(case: Path, per_finger: int, name: str = "forces") -> ndarray:
@@ -66,73 +70,105 @@ def _mesh_quality(path: Path) -> dict[str, float]:
     return {name: float(pick(table[name])) for name, pick in worst.items()}
 
 
-def _joined(meshes: list[IntervalMesh], tables: list[ndarray]) -> ndarray:
+def _joined(parts: Sequence[SolverInterval], tables: list[ndarray]) -> ndarray:
     """One table (time, …) of those of all intervals, without their overlaps."""
     return np.vstack(
         [
-            table[table[:, 0] > mesh.interval.start + 1e-9]
-            for mesh, table in zip(meshes, tables, strict=True)
+            table[table[:, 0] > part.span.start + 1e-9]
+            for part, table in zip(parts, tables, strict=True)
         ]
     )
 
 
-def collect_results(
-    folder: Path,
-    cases: list[Path],
-    meshes: list[IntervalMesh],
-    ranks: Ranks,
-    fluid: Fluid,
-    convection: str,
-    budgets: list[Budget],
+def write_results(
+    scene: Scene,
+    parts: Sequence[SolverInterval],
+    spent: Sequence[Progress],
+    quiet: bool,
     contact: float | None = None,
-) -> dict[str, Any]:
-    """Write the tables of run/ in `folder`, all intervals joined; returns their summary.
+) -> dict[str, float]:
+    """Write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
+
+    `spent`: progress of each interval, before and now; `contact` as of `_tables`.
+    """
+    summary = _tables(scene, parts, contact)
+    balance = summary["power_balance"]
+    wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
+    resumed = [at for _, now in spent for at in now["resumed"]]
+    case, end, step = parts[0].case, scene.motion.end_time, scene.numerics.time_step
+    about = {
+        "versions": {"OpenFOAM": foam_version()} | versions(),
+        "scene": scene.name,
+        "level": scene.level,
+        "model": scene.model.kind,
+        "ranks": case.ranks,
+        "time_step": step,
+        "end_time": end,
+        "steps": steps_of(end, step),
+        "wall_time": wall_time,
+        "resumed": resumed,
+    }
+    RUN.write(scene.out / "run" / "run.json", about | summary)
+    if not quiet:
+        rest = 100 * abs(balance["unexplained_fraction"])
+        times = ", ".join(f"{at:g} s" for at in resumed)
+        more = f", resumed at {times}" if times else ""
+        print(f"solve: {wall_time:.0f} s of solver{more}, {rest:.1f} % of the power unexplained")
+        if balance["warning"]:
+            print(f"solve: warning: {balance['warning']}")
+    return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}
+
+
+def _tables(scene: Scene, parts: Sequence[SolverInterval], contact: float | None) -> dict[str, Any]:
+    """Write the tables of run/, all intervals joined; returns their summary.
 
     The summary's power balance ends before the first `contact` (s), since an impact is shorter than
-    what the tables resolve. StageError where `budgets`, of the intervals, find energy from nothing
-    in the whole run.
+    what the tables resolve. StageError where the whole run has energy from nothing.
     """
-    model, mirror = (meshes[0].planform.attrs[name] for name in ("model", "mirror"))
-    per_finger = PER_FINGER[str(model)]
-    copies = per_finger * (2 if mirror else 1)  # computed parts in the whole tank
+    folder, fluid, planform = scene.out / "run", scene.fluid, parts[0].mesh.planform
+    per_finger = PER_FINGER[scene.model.kind]
+    copies = per_finger * (2 if planform.attrs["mirror"] else 1)  # parts in the whole tank
+    cases = [part.case.folder for part in parts]
     logs = [history(case / LOG) for case in cases]
     for earlier, later in pairwise(logs):
         later[:, -1] += earlier[-1, -1]  # the clocks add up
-    log = _joined(meshes, logs)
-    force = [_forces(case, per_finger) for case in cases]
-    HISTORY.write(folder / "run" / "history.csv", log)
-    FORCES.write(folder / "run" / "forces.csv", _joined(meshes, force))
-    for wall in meshes[0].planform["body_name"].values:
-        if wall in OBSTACLE_PATCHES:
-            tables = [_forces(case, per_finger, forces_name(wall)) for case in cases]
-            FORCES.write(folder / "run" / f"forces_{wall}.csv", _joined(meshes, tables))
-    quality = _mesh_quality(of_run(folder / "mesh_quality.csv"))
-    parts = [power_rows(case, fluid, copies) for case in cases]
-    terms = np.vstack(
-        [
-            term_rows(case, mesh, ranks, fluid, convection)
-            for case, mesh in zip(cases, meshes, strict=True)
-        ]
-    )
+    log = _joined(parts, logs)
+    HISTORY.write(folder / "history.csv", log)
+    walls = [wall for wall in planform["body_name"].values if wall in OBSTACLE_PATCHES]
+    for table, name in (("forces", "forces"), *((f"forces_{w}", forces_name(w)) for w in walls)):
+        forces = [_forces(case, per_finger, name) for case in cases]
+        FORCES.write(folder / f"{table}.csv", _joined(parts, forces))
+    quality = _mesh_quality(scene.motion_folder / "mesh_quality.csv")
+    rows = [term_rows(part.case, part.mesh, fluid, scene.numerics.convection) for part in parts]
+    terms = np.vstack(rows)
     terms[:, 1:] *= copies
-    POWER_TERMS.write(folder / "run" / "power_terms.csv", terms)
-    energy = _joined(meshes, parts)
-    POWER.write(folder / "run" / "power.csv", energy)
-    written = POWER.read(folder / "run" / "power.csv").to_numpy()
+    POWER_TERMS.write(folder / "power_terms.csv", terms)
+    energy = _joined(parts, [power_rows(case, fluid, copies) for case in cases])
+    POWER.write(folder / "power.csv", energy)
+    written = POWER.read(folder / "power.csv").to_numpy()
+    budgets = [part.guard.energy.budget for part in parts if part.guard.energy]
     excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies)}
     until, known = None, [energy, terms]
     if contact is not None:
         until = float(terms[:, 0][terms[:, 0] < contact].max(initial=terms[0, 0]))
         known = [table[table[:, 0] <= until] for table in known]
+    balance = power_balance(*known)
+    warning = power_warning(balance["unexplained_share"], budgets, scene.numerics.time_step)
     return {
-        "cells": meshes[0].cells,
+        "cells": parts[0].mesh.cells,
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": quality,
-        "power_balance": power_balance(*known) | excess | {"until": until},
+        "power_balance": balance | excess | {"until": until, "warning": warning},
         "intervals": [
-            {"start": i.start, "end": i.end, "mesh": i.mesh, "moving": i.moving, "cells": m.cells}
-            for m in meshes
-            for i in [m.interval]
+            {
+                "start": i.start,
+                "end": i.end,
+                "mesh": i.mesh,
+                "moving": i.moving,
+                "cells": p.mesh.cells,
+            }
+            for p in parts
+            for i in [p.span]
         ],
     }

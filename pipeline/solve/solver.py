@@ -1,4 +1,4 @@
-"""The solver of one mesh interval: started from the last checkpoint, stopped by a guard."""
+"""The solver, interval by interval: started from the last checkpoint, stopped by a guard."""
 
 import json
 import os
@@ -13,34 +13,38 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.formats.mesh_intervals import Interval
+from pipeline.case.interval_case import write_numbers
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.environment import (
     die_with_parent,
     environment_in,
+    foam_version,
     last_lines,
     solver_command,
 )
 from pipeline.openfoam.foamfile import END, set_number, write_bytes
-from pipeline.openfoam.ranks import Ranks
+from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import (
     LOG,
+    PROGRESS,
     drop_tables,
     first_damaged,
     force_times,
+    has_ended,
     last_checkpoint,
     reached_time,
+    read_progress,
 )
-from pipeline.solve.coupled import Follower
-from pipeline.solve.guards import FINER, Guard
+from pipeline.solve.guards import FINER
+from pipeline.solve.interval import KnownMotion, SolverInterval
+from pipeline.solve.prepare import prepare
 from piv.files.atomic import check_room, name_in_errors, sync_file, write_text
 from piv.files.errors import StageError
-from piv.files.json_text import read_json
 
-PROGRESS = "progress.json"  # cost of the interval so far, and whether it has ended
 _OUTSIDE = signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGXCPU
 _NOTE_EVERY = 10.0  # s between updates of the cost, for a run that is killed
 _SILENCE = 900.0  # s without a line from the solver
+Progress = tuple[dict[str, Any], dict[str, Any]]  # of an interval, before and now
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
 
 
@@ -80,25 +84,6 @@ class Watchdog:
         self._over.set()
 
 
-def read_progress(case: Path) -> dict[str, Any]:
-    """Cost of an interval (`wall_time`, `cpu_time`, s), times of its resumptions, whether `ended`.
-
-    StageError where the file is damaged.
-    """
-    path = case / PROGRESS
-    remedy = (
-        "delete it and run make again: the solver resumes from its last checkpoint, its cost counts"
-        " from there"
-    )
-    known = read_json(path, remedy) if path.exists() else {}
-    return {"wall_time": 0.0, "cpu_time": 0.0, "resumed": []} | known
-
-
-def has_ended(case: Path, interval: Interval) -> bool:
-    """Whether an interval was solved to its end and all its sampled surfaces are there."""
-    return bool(read_progress(case).get("ended")) and first_damaged(case) > interval.end
-
-
 def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
     """Whether a resumed run ends as an undisturbed one.
 
@@ -108,39 +93,62 @@ def resumes_rightly(version: str, kind: str, pinch: bool, moving: bool) -> bool:
     return version == "v1912" or not moving or (kind == "2d" and not pinch)
 
 
-def solve(
-    case: Path,
-    interval: Interval,
-    ranks: Ranks,
+def solve_intervals(
+    scene: Scene,
+    parts: list[SolverInterval],
+    motion_of: Callable[[SolverInterval], KnownMotion],
     hosts: Path | None,
-    bar: tqdm,
-    guard: Guard,
-    resumes: bool = True,
-    follower: Follower | None = None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Run the solver to the end of an interval, unless it has ended; its progress before and now.
+    quiet: bool,
+) -> list[Progress]:
+    """Solve the intervals one after the other; the progress of each before and now.
 
-    `follower`: of a coupled run, gives the motion of each next step.
+    `motion_of` may change a part's mesh, where its motion is found while it is solved.
+    """
+    hosts = hosts and hosts.resolve()  # the solver runs in another folder
+    version, spans, spent = foam_version(), [part.span for part in parts], []
+    with tqdm(total=scene.motion.end_time, unit="s", disable=quiet or None, desc="solver",
+              bar_format=BAR) as bar:  # fmt: skip
+        for k, part in enumerate(parts):
+            motion = motion_of(part)
+            # what was edited by hand, and the start of an earlier solver
+            write_numbers(scene, spans, spans[k], part.mesh.planform)
+            prepare(parts, k, motion, quiet)
+            pinch, moving = scene.pinch is not None, spans[k].moving
+            rightly = resumes_rightly(version, scene.model.kind, pinch, moving)
+            spent.append(solve(part, motion, bar, hosts, rightly))
+            motion.finish()
+            bar.update(spans[k].end - bar.n)
+    return spent
+
+
+def solve(
+    part: SolverInterval,
+    motion: KnownMotion,
+    bar: tqdm,
+    hosts: Path | None = None,
+    resumes: bool = True,
+) -> Progress:
+    """Run the solver to the end of an interval, unless it has ended; its progress before and now.
 
     It starts from the last whole checkpoint, or from the beginning where this OpenFOAM cannot
     resume (not `resumes`). StageError where `guard` stops it, it fails, or its samples for a guard
     of the energy end before the interval; its files are kept.
     """
-    record = read_progress(case)
-    if has_ended(case, interval):
+    case, interval, guard, folder = part.case, part.span, part.guard, part.case.folder
+    record = read_progress(folder)
+    if has_ended(folder, interval):
         return record, record
-    checkpoint = last_checkpoint(case, ranks, interval.moving) if resumes else None
+    checkpoint = last_checkpoint(case, interval.moving) if resumes else None
     first = time_name(interval.begin)
     start, name = checkpoint or (interval.begin, first)
     if checkpoint is not None:
         record["resumed"] = [*record["resumed"], start]
         if interval.moving:
-            _reset_displacement(ranks.folders(case), first, name)
+            _reset_displacement(case.folders, first, name)
     guard.time = start
-    drop_tables(case, start)
-    set_number(case, "startTime", reached_time(case, ranks, name) if checkpoint else name)
-    if follower:
-        follower.begin(start)
+    drop_tables(folder, start)
+    set_number(folder, "startTime", reached_time(case, name) if checkpoint else name)
+    motion.begin(start)
     clock = time.monotonic()
     noted = clock
     cpu = 0.0  # s of all ranks
@@ -152,16 +160,16 @@ def solve(
             "cpu_time": record["cpu_time"] + cpu,
             "ended": ended,
         }
-        write_text(case / PROGRESS, json.dumps(now))
+        write_text(folder / PROGRESS, json.dumps(now))
         return now
 
     if guard.energy and (interval.index or checkpoint):
         guard.energy.from_rest = False
-    log = case / LOG
+    log = folder / LOG
 
     def stopped(cause: str) -> StageError:
         return StageError(
-            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {case}:"
+            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {folder}:"
             f" {guard.remedy}"
         )
 
@@ -172,9 +180,9 @@ def solve(
     ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(ranks.count, hosts),
-            cwd=case,
-            env=environment_in(case),
+            solver_command(case.ranks, hosts),
+            cwd=folder,
+            env=environment_in(folder),
             preexec_fn=die_with_parent,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -192,9 +200,8 @@ def solve(
                     if cause:
                         raise stopped(cause)
                     if line.startswith("ExecutionTime"):
-                        cpu = ranks.count * float(line.split()[2])
-                        if follower:
-                            follower.answer(guard.time, lambda: process.poll() is None)
+                        cpu = case.ranks * float(line.split()[2])
+                        motion.answer(guard.time, lambda: process.poll() is None)
                     if line.startswith("Time = "):
                         if time.monotonic() - noted > _NOTE_EVERY:
                             noted = time.monotonic()
@@ -204,41 +211,40 @@ def solve(
                 _stop(process)
                 raise
             finally:
-                if follower:
-                    follower.end()
+                motion.end()
                 note()
     code = process.wait()
     if watchdog.cause:
         guard.remedy = "check the machine and numerics, then run make again to resume"
         raise stopped(watchdog.cause)
     if code != 0:
-        raise failed(case, guard.time, code)
+        raise failed(folder, guard.time, code)
     # a flow without a body has no samples and no guard of the energy (docs/evidence/validation)
-    sampled = force_times(case)[-1] * (1 + 1e-6) if guard.energy else interval.end
-    until = min(sampled, damaged := first_damaged(case))
+    sampled = force_times(folder)[-1] * (1 + 1e-6) if guard.energy else interval.end
+    until = min(sampled, damaged := first_damaged(folder))
     if until < interval.end or damaged <= interval.end:
-        check_room(case)
+        check_room(folder)
         raise StageError(
-            f"{case / 'postProcessing'}: the solver's samples are cut off at {until:g} s, as by a"
+            f"{folder / 'postProcessing'}: the solver's samples are cut off at {until:g} s, as by a"
             " full disk; run make again: it resumes before that time"
         )
     if cause := guard.check_energy(ended=True):
         raise stopped(cause)
-    for table in [log, *(case / "postProcessing").glob("*/*/*.dat")]:
+    for table in [log, *(folder / "postProcessing").glob("*/*/*.dat")]:
         # a power cut must not shorten these files once the interval has ended
         sync_file(table)
     return record, note(ended=True)
 
 
-def failed(case: Path, reached: float, code: int) -> StageError:
+def failed(folder: Path, reached: float, code: int) -> StageError:
     """The error for a solver that ended with an exit `code`; OSError where its disk is full."""
-    check_room(case)
-    log = case / LOG
+    check_room(folder)
+    log = folder / LOG
     tail = last_lines(log)
     if re.search(r"Floating point exception|sigFpe|SIGFPE|signal 8", tail):
         return StageError(
             f"stopped at {reached:g} s: the solver's numbers overflowed; the fields are kept in"
-            f" {case}: {FINER}"
+            f" {folder}: {FINER}"
         )
     rank = re.search(r"exited on signal (\d+)", tail)
     number = -code if code < 0 else int(rank[1]) if rank else code - 128

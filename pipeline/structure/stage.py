@@ -39,7 +39,7 @@ def _measured_loads(
     `pressures` (Pa) and elastic `turns` (slice,) over time.
     """
     chain = finger.chain
-    samples = sampled_surfaces(scene.out / "case", read_intervals(scene.out), "finger")
+    samples = sampled_surfaces(scene.out / "case", read_intervals(scene.motion_folder), "finger")
     # a prescribed motion's loads are those of the flow that is shown
     parts = copies(scene) if scene.coupled else PER_FINGER[scene.model.kind]
     density = scene.fluid.density
@@ -109,7 +109,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
         write_loads(scene.out / "loads.h5", {"unknown": _RIGID, "coupled": 0})
         return
     finger, end = ElasticFinger.of(scene), scene.motion.end_time
-    law = read_kinematics(scene.out / "kinematics.h5").data
+    law = read_kinematics(scene.motion_folder / "kinematics.h5").data
     pressures = CubicSpline(law["time"].values, law["pressure"].values)
     time = np.linspace(0.0, end, round(end / STEP) + 1)
     delta = np.zeros((len(time), finger.chain.slices))

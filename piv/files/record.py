@@ -55,18 +55,6 @@ def _is_below(path: Path, folder: Path) -> bool:
     return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
 
 
-def of_run(path: Path) -> Path:
-    """The file that a coupled run has written in the place of a first guess, else `path` itself."""
-    made = path.parent / "run" / path.name
-    return made if made.exists() else path
-
-
-def forget_run(out: Path) -> None:
-    """Remove what a coupled run has written in the place of first guesses in the folder `out`."""
-    for name in ("kinematics.h5", "planform.h5", "mesh_quality.csv"):
-        (out / "run" / name).unlink(missing_ok=True)
-
-
 def record_path(out: Path, stage: str) -> Path:
     """Path of the record of a stage of the run in `out`."""
     return out / FOLDER / f"{stage}.json"

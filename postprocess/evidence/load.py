@@ -90,7 +90,7 @@ def single_finger(pinch: Scene) -> tuple[dict[str, pd.DataFrame], str]:
 def read_clock(scene: Scene, plane: xr.Dataset) -> Clock:
     """The stroke's progress on the sheet, the gap of kinematics.h5, and the scene's strokes."""
     time, done = plane["time"].values, progress(plane)
-    kinematics = read_kinematics(scene.out / "kinematics.h5")
+    kinematics = read_kinematics(scene.motion_folder / "kinematics.h5")
     starts = tuple(float(stroke.start) for stroke in scene.motion.strokes)
     gap = kinematics.values("gap")
     if gap is None:

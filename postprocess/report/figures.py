@@ -87,13 +87,14 @@ def _space(album: Album, flow: Flow) -> None:
 
 
 def _others(album: Album, flow: Flow) -> None:
+    motion = flow.files.numbers.motion_folder
     out, plane, at = flow.files.out, flow.planes["cfd"], float(np.mean(flow.middle))
     timeline(album, flow)
     vortex_figures(album, flow)
     if plane.sizes["finger"] > 1:
         pinch_figures(album, flow)
     if flow.files.numbers.body is None:
-        bending_figure(album, out / "kinematics.h5")
+        bending_figure(album, motion / "kinematics.h5")
         if (out / "loads.h5").exists():
             water_figure(album, out / "loads.h5")
         if plane.sizes["finger"] == 1 and (measured := flow.files.optional("pressure.h5")):
@@ -102,7 +103,7 @@ def _others(album: Album, flow: Flow) -> None:
     energy_figure(album, out)
     if (out / "images.h5").exists():
         camera_picture(album, out / "images.h5", at)
-    mesh_figures(album, read_planforms(out / "planform.h5"), plane)
+    mesh_figures(album, read_planforms(motion / "planform.h5"), plane)
 
 
 def run(scene: Scene, quiet: bool = False, threads: int = 1) -> None:

@@ -24,12 +24,13 @@ _APPROACHING = 0.010  # m: gap at which the dorsal pair is shown
 def pinch_figures(album: Album, flow: Flow) -> None:
     """Draw the section "pinch" from the comparison's tables."""
     clock, met, out = flow.clock, flow.clock.met(), flow.files.out
+    motion = flow.files.numbers.motion_folder
     lines, integrals = (
         {s: pd.read_csv(out / f"{name}_{s}.csv") for s in flow.planes}
         for name in ("centreline", "integrals")
     )
     _both_pairs(album, flow, integrals["cfd"])
-    free, gap = _free_gap(out / "kinematics.h5", clock.time), clock.gap_at(clock.time)
+    free, gap = _free_gap(motion / "kinematics.h5", clock.time), clock.gap_at(clock.time)
     figure = draw_pinch.closing(clock.time, gap, free, integrals, lines, met)
     alt = "Gap, circulation of both pairs, flow and pressure between the tips over time."
     caption = (

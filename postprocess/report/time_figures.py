@@ -53,7 +53,10 @@ def timeline(album: Album, flow: Flow) -> None:
 
 def _motion(flow: Flow) -> Panels:
     """What drives the flow: pressure and bend, or of a rigid body its path or turn."""
-    kinematics, plane = read_kinematics(flow.files.out / "kinematics.h5"), flow.planes["cfd"]
+    kinematics, plane = (
+        read_kinematics(flow.files.numbers.motion_folder / "kinematics.h5"),
+        flow.planes["cfd"],
+    )
     clock, drive = kinematics.law.x, kinematics.data["pressure"].values
     turn = np.degrees(plane["bend"].values[:, 0])
     if flow.files.numbers.body is None:

@@ -101,7 +101,7 @@ def _add_jobs(
     for stage in run.stale(about["until"]):
         record, digest = str(record_path(run.out, stage)), run.digest(stage)
         first = made_by.setdefault(digest, record)
-        before = [str(record_path(run.out, name)) for name in run.inputs(BY_NAME[stage])]
+        before = [str(record_path(run.out, name)) for name in run.inputs(stage)]
         inputs = [name for name in before if name in jobs] + [first] * (first != record)
         ranks = about["ranks"] if BY_NAME[stage].ranks else 1
         threads = _THREADS if BY_NAME[stage].threads else ranks

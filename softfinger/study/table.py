@@ -105,7 +105,7 @@ def _solver(files: StageFiles) -> dict[str, Any]:
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
     """Instants (s) between which the finger does the middle half of its bend."""
-    kinematics = read_kinematics(files.required("kinematics.h5", "kinematics"))
+    kinematics = read_kinematics(files.numbers.motion_folder / "kinematics.h5")
     times = np.linspace(*kinematics.time, 101)
     return stroke_window(times, kinematics.bend(kinematics.law(times)), MIDDLE)
 

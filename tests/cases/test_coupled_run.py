@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.couple import stage as coupled
 from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.formats.finger_loads import read_loads
 from pipeline.formats.kinematics import SCHEMA, read_kinematics
@@ -18,9 +19,8 @@ from pipeline.mesh import stage as mesh_stage
 from pipeline.mesh.intervals import divide
 from pipeline.runs.run import open_run
 from pipeline.scene.scene import load_scene
-from pipeline.solve import stage as run_stage
+from pipeline.solve import interval as solver_interval
 from piv.files.errors import StageError
-from piv.files.record import of_run
 from softfinger.make import Machine, make_stage
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, prepare, write_scene
@@ -56,7 +56,7 @@ def prepared(tmp_path_factory):
 @pytest.fixture(scope="module")
 def solved(prepared, tmp_path_factory):
     scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "scene")
-    run_stage.run(scene, quiet=True)
+    coupled.run(scene, quiet=True)
     return scene
 
 
@@ -96,8 +96,8 @@ def test_the_loads_of_the_run_make_its_motion(solved):
     assert file.attrs["tip_change"] < 0.0005 * solved.finger.length
     assert file.attrs["open_energy"] < 0.02
     # the quality of its meshes, not of those guessed before
-    quality = MESH_QUALITY.read(of_run(solved.out / "mesh_quality.csv"))
-    bend = np.degrees(read_planform(solved.out, 0)["bend"].values)
+    quality = MESH_QUALITY.read(solved.motion_folder / "mesh_quality.csv")
+    bend = np.degrees(read_planform(solved.motion_folder, 0)["bend"].values)
     assert quality["bend_deg"].max() == pytest.approx(bend.max(), rel=1e-5)
     worst = quality["max_non_orthogonality_deg"].max()
     assert record(solved)["mesh_quality"]["max_non_orthogonality_deg"] == worst
@@ -107,7 +107,7 @@ def test_other_machines_are_refused(prepared, tmp_path):
     """The pipes at which the solver waits are on this machine, however the run was asked for."""
     (hosts := tmp_path / "hosts.txt").write_text("node01 slots=2\n")
     with pytest.raises(StageError, match=r"hosts\.txt: a coupled run takes this machine alone"):
-        run_stage.run(prepared, quiet=True, hosts=hosts)
+        coupled.run(prepared, quiet=True, hosts=hosts)
 
 
 def test_killed_and_resumed_it_moves_as_an_undisturbed_run(prepared, solved, tmp_path):
@@ -128,9 +128,9 @@ def test_killed_and_resumed_it_moves_as_an_undisturbed_run(prepared, solved, tmp
 
 
 def test_two_ranks_move_it_as_one(prepared, solved, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
+    monkeypatch.setattr(solver_interval, "LEAST_CELLS", 100)
     scene = copy_of(prepared, tmp_path / "apart")
-    run_stage.run(scene, quiet=True, ranks=2)
+    coupled.run(scene, quiet=True, ranks=2)
     assert record(scene)["ranks"] == 2
     # 1e-3 of a force where the pressure iterations end at 0.5 % of a residual; it moves the finger
     assert force_difference(solved, scene) < 5e-3
@@ -148,8 +148,8 @@ def test_over_two_meshes_it_moves_as_over_one(tmp_path, monkeypatch):
     monkeypatch.setattr(mesh_stage, "divide", in_two)
     two = prepare(write_scene(tmp_path / "two", more=longer))
     for scene, meshes in ((one, 1), (two, 2)):
-        run_stage.run(scene, quiet=True)
-        assert len(read_intervals(scene.out)) == meshes
+        coupled.run(scene, quiet=True)
+        assert len(read_intervals(scene.motion_folder)) == meshes
     assert np.abs(delta(two) - delta(one)).max() < 0.03 * np.abs(delta(one)).max()
 
 
@@ -167,12 +167,12 @@ def test_fingers_that_touch_keep_the_gap_and_end_the_balance(tmp_path):
     """An impact lasts less than what the balance resolves, which counts until then alone."""
     write_scene(tmp_path / "scene", more=PINCH, parent="pinch")
     scene = prepare(load_scene(tmp_path / "scene", "tiny"))
-    run_stage.run(scene, quiet=True)
+    coupled.run(scene, quiet=True)
     motion = read_elastic_motion(scene.out / FILE)
     force = motion["contact_force"].values
     touched = motion["time"].values[np.flatnonzero(force)]
     assert force.min() == 0  # it never pulls
-    outline = read_kinematics(of_run(scene.out / "kinematics.h5")).data["shape_outline"].values
+    outline = read_kinematics(scene.motion_folder / "kinematics.h5").data["shape_outline"].values
     # to the root search of the force: 1e-9 of it
     assert -outline[..., 0].max() == pytest.approx(scene.pinch.residual_gap, abs=1e-7)
     balance = record(scene)["power_balance"]

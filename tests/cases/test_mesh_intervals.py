@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import case as case_stage
 from pipeline import sheet as sheets
+from pipeline.case import stage as case_stage
 from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.scene.scene import Scene
+from pipeline.solve import interval as solver_interval
 from pipeline.solve import prepare as preparing
 from pipeline.solve import stage as run_stage
 from pipeline.solve.power import power_rows
@@ -114,7 +115,7 @@ def test_the_left_finger_is_pushed_back_while_it_closes(solved):
 
 
 def test_parallel_equals_serial_over_the_field_mapping(meshed, solved, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
+    monkeypatch.setattr(solver_interval, "LEAST_CELLS", 100)
     parallel = copy_of(meshed, tmp_path / "parallel")
     run_stage.run(parallel, quiet=True, ranks=2)
     assert force_difference(solved, parallel) < 1e-6

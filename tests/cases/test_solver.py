@@ -12,15 +12,16 @@ import pytest
 from tqdm import tqdm
 
 from pipeline.formats.mesh_intervals import read_planform
-from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.foamfile import is_complete, set_number
-from pipeline.openfoam.ranks import Ranks
 from pipeline.scene.scene import Scene, load_scene
+from pipeline.solve import interval as solver_interval
 from pipeline.solve import stage as run_stage
+from pipeline.solve.checkpoint import read_progress
 from pipeline.solve.guards import Guard
-from pipeline.solve.prepare import prepare as lay_frames
-from pipeline.solve.solver import read_progress, solve
+from pipeline.solve.interval import KnownMotion, solver_intervals
+from pipeline.solve.prepare import prepare as write_motion
+from pipeline.solve.solver import solve
 from piv.files.errors import StageError
 from tests.cases.conftest import copy_of, force_difference, record, solving, table
 from tests.conftest import ROOT, meshes_of, prepare, write_scene
@@ -51,7 +52,7 @@ def vectors(path: Path) -> np.ndarray:
 @pytest.fixture
 def few_cells(monkeypatch):
     """Two ranks even for a few cells."""
-    monkeypatch.setattr(run_stage, "LEAST_CELLS", 100)
+    monkeypatch.setattr(solver_interval, "LEAST_CELLS", 100)
 
 
 @pytest.fixture(scope="module")
@@ -220,13 +221,14 @@ def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
     assert count == 3
     velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
     (case / "0" / "U").write_text(velocity)
-    meshes, steps = meshes_of(scene), Steps.of(0.0, 0.02, scene.numerics.time_step)
-    lay_frames([case], meshes, 0, Ranks(), steps, quiet=True)
+    parts = solver_intervals(scene, 1, quiet=True)
+    parts[0].guard, motion = Guard(scene.numerics.max_courant), KnownMotion(parts[0])
+    write_motion(parts, 0, motion, quiet=True)
     solution = case / "system" / "fvSolution"
     text = re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", solution.read_text())
     solution.write_text(re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", text))
     with tqdm(disable=True) as bar:
-        solve(case, meshes[0].interval, Ranks(), None, bar, Guard(scene.numerics.max_courant))
+        solve(parts[0], motion, bar)
     # the linear solvers' tolerance, 1e-12, times their steps
     assert np.abs(vectors(case / "0.02" / "U") - [0.3, 0.1, 0.0]).max() < 1e-8
 

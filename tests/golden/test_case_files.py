@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from foamlib import FoamFile
 
-from pipeline.case import numbers, numbers_text, regions_text
+from pipeline.case.interval_case import numbers, numbers_text, regions_text
 from pipeline.formats.mesh_intervals import Interval
 from pipeline.openfoam.foamfile import set_number
 from pipeline.scene.scene import load_scene

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pipeline.openfoam.ranks import Ranks
+from pipeline.openfoam.case_folder import Case
 from pipeline.scene.scene import load_scene
 from pipeline.solve.checkpoint import last_checkpoint
 from piv.files.record import read_record
@@ -148,10 +148,8 @@ def test_a_scene_that_meets_its_time_limit_is_submitted_again_and_ends(slurm, sc
     """
     begin, log = time.monotonic(), slurm / "make.log"
     process = softfinger(log, "run", "cases/slurm_test", "--level", "draft", "--ranks", "2")
-    case = scene.out / "case" / "interval_0"
-    wait_until(
-        lambda: last_checkpoint(case, Ranks(2)) is not None or process.poll() is not None, 3000
-    )
+    case = Case(scene.out / "case" / "interval_0", 2)
+    wait_until(lambda: last_checkpoint(case) is not None or process.poll() is not None, 3000)
     solver = job_of("solve")
     assert solver is not None, log.read_text()[-3000:]
     near = minutes_run(solver) + 1

@@ -14,7 +14,9 @@ from scipy.optimize import curve_fit
 
 from docs.evidence.validation.checks import Check, Result
 from docs.evidence.validation.solve import CASES, provenance
-from pipeline import case
+from pipeline.case import stage as case
+from pipeline.couple import motion as coupled
+from pipeline.couple import stage as run
 from pipeline.formats.bending_states import States
 from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.kinematics import stage as kinematics
@@ -22,8 +24,6 @@ from pipeline.kinematics.pressure_law import smooth_step
 from pipeline.kinematics.rigid_body import rest_outline
 from pipeline.mesh import stage as mesh
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.solve import coupled
-from pipeline.solve import stage as run
 from pipeline.structure.chain import Chain
 from pipeline.structure.elastic_law import constant_law
 from pipeline.structure.finger import ElasticFinger

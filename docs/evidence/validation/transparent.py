@@ -10,16 +10,16 @@ import numpy as np
 from tqdm import tqdm
 
 from docs.evidence.small_scene import meshes_of
-from pipeline import case
+from pipeline.case import stage as case
+from pipeline.case.interval_case import build_mesh
 from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
-from pipeline.openfoam.displacement_files import Steps
 from pipeline.openfoam.foamfile import END, binary_list, header, read_field, write_bytes
-from pipeline.openfoam.ranks import Ranks
 from pipeline.scene.scene import Scene
 from pipeline.solve.guards import Guard
+from pipeline.solve.interval import KnownMotion, solver_intervals
 from pipeline.solve.map_fields import swept_cells
 from pipeline.solve.prepare import prepare
 from pipeline.solve.solver import solve
@@ -72,11 +72,12 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str) -> None:
         (r"maxIter +\d+;", ""),
     )
     (folder / "system" / "functions").write_text("// no body, no forces\n")
-    steps = Steps.of(intervals[0].begin, intervals[0].end, scene.numerics.time_step)
-    prepare([folder], meshes_of(scene), 0, Ranks(), steps, True)
-    guard = Guard(scene.numerics.max_courant)
+    parts = solver_intervals(scene, 1, True)
+    parts[0].guard = Guard(scene.numerics.max_courant)  # no body, no guard of the energy
+    motion = KnownMotion(parts[0])
+    prepare(parts, 0, motion, True)
     with tqdm(disable=True) as bar:
-        solve(folder, intervals[0], Ranks(), None, bar, guard)
+        solve(parts[0], motion, bar)
 
 
 def _edit(path: Path, *changes: tuple[str, str]) -> None:
@@ -90,7 +91,7 @@ def _edit(path: Path, *changes: tuple[str, str]) -> None:
 def _outer_faces(scene: Scene) -> dict[str, np.ndarray]:
     """Middles (face, 2), m, of the outer patches' faces, which do not move."""
     mesh = meshes_of(scene)[0]
-    swept = case.build_mesh(mesh.planform)
+    swept = build_mesh(mesh.planform)
     points = swept.points(mesh.motion.nodes(0.0), mesh.planform["levels"].values)
     middles = {}
     for name, start, count in swept.patches:

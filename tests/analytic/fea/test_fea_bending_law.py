@@ -7,8 +7,8 @@ from pipeline.fea.analyse import bend
 from pipeline.fea.cell.bending_law import air, bending_law, curvatures, rubber, stiffness
 from pipeline.fea.cell.path import follow
 from pipeline.fea.cell.unit_cell import UnitCell
-from pipeline.fea.stage import _further
 from pipeline.scene.scene import load_scene
+from pipeline.structure.fea_stage import _further
 from tests.finger_cell import ACTUATOR, CASE, FEA, SMALL, shipped_states
 
 

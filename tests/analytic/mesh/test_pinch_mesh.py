@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.case import build_mesh
+from pipeline.case.interval_case import build_mesh
 from pipeline.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.geometry.quality import cell_areas
 from pipeline.kinematics import stage as kinematics

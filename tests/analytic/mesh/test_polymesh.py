@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.case import build_mesh
+from pipeline.case.interval_case import build_mesh
 from pipeline.formats.mesh_intervals import read_planform
 from tests.conftest import prepare, write_scene
 

@@ -3,27 +3,22 @@
 import numpy as np
 import pytest
 
-from pipeline import case
-from pipeline.case import sides
+from pipeline.case.interval_case import sides
+from pipeline.couple.motion import CoupledMotion
 from pipeline.geometry.sweep import OUTER_PATCHES
-from pipeline.kinematics import stage as kinematics
-from pipeline.mesh import stage as mesh
 from pipeline.mesh.wall_layers import outline_at
 from pipeline.scene.scene import load_scene
-from pipeline.solve.coupled import Coupled
 from pipeline.structure.chain import MIDDLE, placed
 from pipeline.structure.finger import Posed, copies
 from pipeline.structure.water_inertia import forces_of_water
-from tests.conftest import CASES, meshes_of
+from tests.conftest import CASES, meshes_of, prepare
 
 _NUDGE = 1e-4  # rad
 
 
 def added_inertia(scene):
     """Of the water about a finger that begins to bend evenly, kg m²; potential flow on its mesh."""
-    for stage in (kinematics, mesh, case):
-        stage.run(scene, quiet=True)
-    run, built = Coupled(scene), meshes_of(scene)[0]
+    run, built = CoupledMotion(scene), meshes_of(prepare(scene))[0]
     chain, planform = run.finger.chain, built.planform
     mode = (np.cumsum(chain.lengths) - 0.5 * chain.lengths) / chain.lengths.sum()
     still, nodes = 0 * mode, built.motion.nodes(0.0)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pipeline.fea.sensitivity import variations
-from pipeline.fea.stage import run
 from pipeline.fea.up_to_date import check_states
 from pipeline.formats.bending_states import read
 from pipeline.scene.scene import load_scene
+from pipeline.structure.fea_stage import run
 from piv.files.errors import StageError
 from tests.finger_cell import ACTUATOR, CASE, FEA
 

@@ -10,8 +10,14 @@ from pipeline.formats.bending_states import read_states
 from pipeline.formats.mesh_intervals import Interval
 from pipeline.kinematics.recorded_motion import recorded_law
 from pipeline.openfoam.surface_vtk import is_whole_vtk, read_surface, wall_forces
-from pipeline.solve.checkpoint import STATE, first_damaged, prepared_for
-from pipeline.solve.solver import PROGRESS, has_ended, read_progress
+from pipeline.solve.checkpoint import (
+    PROGRESS,
+    STATE,
+    first_damaged,
+    has_ended,
+    prepared_for,
+    read_progress,
+)
 from piv.files.errors import StageError
 from piv.files.hdf5 import open_netcdf
 from piv.formats.plane_series import make_plane

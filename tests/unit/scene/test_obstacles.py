@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pipeline.case import build_mesh, obstacles_text
+from pipeline.case.interval_case import build_mesh, obstacles_text
 from pipeline.formats.mesh_intervals import read_intervals, read_planform
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.obstacle import Obstacle

@@ -2,9 +2,9 @@
 
 import pytest
 
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.displacement_files import checkpoint_steps
 from pipeline.openfoam.foamfile import END, write_bytes
-from pipeline.openfoam.ranks import Ranks
 from pipeline.solve.checkpoint import (
     FIELDS,
     LOG,
@@ -36,12 +36,12 @@ def record(case, start, times):
 def test_a_time_counts_once_the_step_after_it_was_sampled(tmp_path):
     for time in ("0.01", "0.02"):
         save(tmp_path, time)
-    assert last_checkpoint(tmp_path, Ranks(1)) is None
+    assert last_checkpoint(Case(tmp_path)) is None
     record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02])
     # 0.02 may have been killed among its samples
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+    assert last_checkpoint(Case(tmp_path)) == (0.01, "0.01")
     record(tmp_path, "0", [0.005, 0.01, 0.015, 0.02, 0.025, 0.03])
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
+    assert last_checkpoint(Case(tmp_path)) == (0.02, "0.02")
 
 
 def test_a_time_counts_once_its_step_is_in_the_log(tmp_path):
@@ -52,11 +52,11 @@ def test_a_time_counts_once_its_step_is_in_the_log(tmp_path):
     step = "Time = {}\n\nExecutionTime = 1.5 s  ClockTime = 2 s\n\n"
     log = tmp_path / LOG
     log.write_text(step.format("0.01") + step.format("0.02"))
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.02, "0.02")
+    assert last_checkpoint(Case(tmp_path)) == (0.02, "0.02")
     log.write_text(step.format("0.01") + "Time = 0.02\n\nExecutionTime = 1.5 s  Clo")
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+    assert last_checkpoint(Case(tmp_path)) == (0.01, "0.01")
     log.write_text("Create time\n")
-    assert last_checkpoint(tmp_path, Ranks(1)) is None
+    assert last_checkpoint(Case(tmp_path)) is None
 
 
 @pytest.mark.parametrize("name", [*FIELDS, *MOVED, *MORE])
@@ -65,7 +65,7 @@ def test_an_incomplete_file_needs_the_time_before(tmp_path, name):
         save(tmp_path, time)
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
     (tmp_path / "0.02" / name).write_bytes(b"1 2")
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
+    assert last_checkpoint(Case(tmp_path)) == (0.01, "0.01")
 
 
 def test_all_ranks_must_have_written_it(tmp_path):
@@ -73,8 +73,8 @@ def test_all_ranks_must_have_written_it(tmp_path):
     for rank, times in enumerate((("0.01", "0.02"), ("0.01",))):
         for time in times:
             save(tmp_path / f"processor{rank}", time)
-    assert last_checkpoint(tmp_path, Ranks(2)) == (0.01, "0.01")
-    assert last_checkpoint(tmp_path, Ranks(1)) is None
+    assert last_checkpoint(Case(tmp_path, 2)) == (0.01, "0.01")
+    assert last_checkpoint(Case(tmp_path)) is None
 
 
 def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_path):
@@ -89,17 +89,18 @@ def test_a_resumed_part_counts_from_its_begin_and_later_ones_are_dropped(tmp_pat
     assert sampled_until(tmp_path) == 0.0
 
 
-@pytest.mark.parametrize("ranks", [Ranks(1), Ranks(2)])
+@pytest.mark.parametrize("ranks", [1, 2])
 def test_a_resumed_run_starts_at_its_time_with_all_digits(tmp_path, ranks):
+    case = Case(tmp_path, ranks)
     reached = "0.340000000000000246"  # the sum of 340 steps of 1 ms
-    files = [folder / "0.34" / "uniform" / "time" for folder in ranks.folders(tmp_path)]
+    files = [folder / "0.34" / "uniform" / "time" for folder in case.folders]
     for path in files:
         write_bytes(path, f'value           {reached};\nname "0.34";'.encode() + END)
-    assert reached_time(tmp_path, ranks, "0.34") == reached
+    assert reached_time(case, "0.34") == reached
     for path in files:
         write_bytes(path, b"index 340;" + END)
     with pytest.raises(StageError, match="no value of the time"):
-        reached_time(tmp_path, ranks, "0.34")
+        reached_time(case, "0.34")
 
 
 def test_a_log_with_an_incomplete_line_is_read(tmp_path):
@@ -130,8 +131,8 @@ def test_the_fields_of_a_handover_are_no_checkpoint(tmp_path):
     for name in ("U", "p", "polyMesh/points"):
         write_bytes(tmp_path / "0.015" / name, b"1 2 3" + END)
     record(tmp_path, "0", [0.01, 0.02, 0.03, 0.04])
-    assert last_checkpoint(tmp_path, Ranks(1)) == (0.01, "0.01")
-    assert saved_times(tmp_path, Ranks(1), ("U", "p")) == [(0.01, "0.01"), (0.015, "0.015")]
+    assert last_checkpoint(Case(tmp_path)) == (0.01, "0.01")
+    assert saved_times(Case(tmp_path), ("U", "p")) == [(0.01, "0.01"), (0.015, "0.015")]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import case
+from pipeline.case import interval_case as case
 from pipeline.formats.mesh_intervals import read_planform
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh

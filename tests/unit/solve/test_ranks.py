@@ -3,28 +3,28 @@
 import numpy as np
 import pytest
 
+from pipeline.openfoam.case_folder import Case
 from pipeline.openfoam.foamfile import binary_list, header, labels_of, write_bytes
-from pipeline.openfoam.ranks import Ranks
 from piv.files.errors import StageError
 
 
 def test_folders(tmp_path):
-    assert Ranks().folders(tmp_path) == [tmp_path]
-    assert [f.name for f in Ranks(2).folders(tmp_path)] == ["processor0", "processor1"]
+    assert Case(tmp_path).folders == [tmp_path]
+    assert [f.name for f in Case(tmp_path, 2).folders] == ["processor0", "processor1"]
 
 
 def test_labels_of_each_rank(tmp_path):
     """As decomposePar writes them: with a header in each file."""
-    ranks, lists = Ranks(2), [np.arange(5), np.array([7, 9])]
+    case, lists = Case(tmp_path, 2), [np.arange(5), np.array([7, 9])]
     head = header("labelList", "", "pointProcAddressing", binary=True)
     name = "constant/polyMesh/pointProcAddressing"
     for rank, labels in enumerate(lists):
         write_bytes(tmp_path / f"processor{rank}" / name, head + binary_list(labels))
-    arrays = [labels_of(content) for content in ranks.contents(tmp_path, name)]
+    arrays = [labels_of(content) for content in case.contents(name)]
     for labels, wanted in zip(arrays, lists, strict=True):
         np.testing.assert_array_equal(labels, wanted)
 
 
 def test_a_missing_rank_is_named(tmp_path):
     with pytest.raises(StageError, match="missing"):
-        Ranks(2).contents(tmp_path, "0/U")
+        Case(tmp_path, 2).contents("0/U")

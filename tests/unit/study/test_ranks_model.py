@@ -5,7 +5,7 @@ import re
 import pytest
 
 from docs.evidence.ranks import prediction, step_time, useful_ranks
-from pipeline.openfoam.ranks import LEAST_CELLS
+from pipeline.openfoam.case_folder import LEAST_CELLS
 from pipeline.runs.estimate import duration
 from tests.conftest import write_scene
 

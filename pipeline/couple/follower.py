@@ -1,4 +1,4 @@
-"""A run whose finger is moved by pressure and water, step by step.
+"""The mesh of one interval that follows a coupled motion, step by step.
 
 The solver stops at the end of each step (openfoam/gate.py). From the loads that it has sampled, the
 structure gives the next rotations, the planform follows them, and the solver goes on with the next
@@ -9,41 +9,29 @@ from __future__ import annotations
 
 import shutil
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
-from pipeline.case import build_mesh, sides, write_interval
+from pipeline.case.interval_case import build_mesh, sides, write_interval
+from pipeline.couple.motion import CoupledMotion
 from pipeline.formats.bending_states import FloatArray
-from pipeline.formats.elastic_motion import FILE, write_elastic_motion
-from pipeline.formats.kinematics import write_kinematics
-from pipeline.formats.mesh_intervals import (
-    Interval,
-    IntervalMesh,
-    NodeMotion,
-    write_planform,
-)
-from pipeline.formats.records import MESH_QUALITY
+from pipeline.formats.mesh_intervals import Interval, IntervalMesh, NodeMotion
 from pipeline.geometry.planform import Planform
 from pipeline.geometry.quality import shape_quality
 from pipeline.geometry.sweep import OUTER_PATCHES
-from pipeline.kinematics.contact import gap, nearest
-from pipeline.kinematics.finger import finger_motion
-from pipeline.kinematics.values import kinematics_values, units_of
 from pipeline.mesh.morph import Morph, MorphError, check_quality, corner_triangles
 from pipeline.mesh.wall_layers import outline_at
 from pipeline.openfoam.displacement_files import Frames, steps_of, time_name
 from pipeline.openfoam.gate import clear_gates, close_gate, open_gate
-from pipeline.openfoam.ranks import Ranks
 from pipeline.openfoam.surface_vtk import is_whole_vtk
-from pipeline.scene.scene import Scene
-from pipeline.structure.coupling import Coupling
-from pipeline.structure.finger import ElasticFinger, Posed, copies
+from pipeline.solve.checkpoint import prepared_for
+from pipeline.solve.interval import KnownMotion, SolverInterval
+from pipeline.structure.finger import Posed
 from pipeline.structure.water_inertia import forces_of_water
 from piv.files.errors import StageError
 
@@ -54,128 +42,22 @@ _HESSIAN = 10  # steps that the mesh's Hessian serves, and between two checks of
 # the pinch at 30 kPa and medium 5.7, at the peak of its impact.
 _BEYOND = 8.0
 _PAUSE = 1e-3  # s
-_CONTACT = 0.01  # N: the first force that is tried
 _MODES = 8
 _NUDGE, _NUDGE_PA = 1e-4, 10.0  # rad and Pa
 
 
-class Coupled:
-    """A coupled motion as far as it is known."""
+class Follower(KnownMotion):
+    """The motion of one mesh interval whose mesh follows the coupled motion."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.step = scene.numerics.time_step
-        self.last = steps_of(scene.motion.end_time, self.step)
-        self.finger, self.copies = ElasticFinger.of(scene), copies(scene)
-        pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
-        self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
-        self.force = np.zeros(self.last + 1)  # of the contact, N
-        self.inertia_turn: float | None = None  # bend (rad) in which the water's inertia is known
-        start = self.finger.shapes(
-            np.arange(3.0), pressure[[0, 0, 0]], self.history.delta[[0, 0, 0]]
-        )
-        motion = scene.motion.model_copy(update={"end_time": 2.0})
-        self._motion = finger_motion(motion, scene.finger, None, scene.folder, start)
-
-    def outline(self, pressure: float, delta: FloatArray) -> FloatArray:
-        """Closed outline (point, 2) m in the tank at a pressure (Pa) and rotations (slice,)."""
-        chain, at = self.finger.chain, np.array([pressure])
-        profile, thickness = chain.profile(at, delta[None])[0], chain.thickness(at)[0]
-        return np.asarray(self._motion.outline_of(profile, thickness))
-
-    def state(self, number: int) -> tuple[float, FloatArray]:
-        """Pressure (Pa) and rotations (slice,) at the end of a step."""
-        return float(self.history.pressure[number]), self.history.delta[number]
-
-    def bend(self, number: int) -> float:
-        """Bend angle (rad) at the end of a step."""
-        pressure, delta = self.history.pressure, self.history.delta
-        at = slice(number, number + 1)
-        return float(self.finger.chain.bend(pressure[at], delta[at])[0])
-
-    @property
-    def contact(self) -> float | None:
-        """Time (s) of the first contact; None without one."""
-        touched = self.history.touched
-        return None if touched is None else self.step * touched
-
-    def advance(self, number: int) -> None:
-        """The rotations of the step after `number`, and the contact that they need.
-
-        A contact is a force without friction that is as large as it takes to keep the residual gap.
-        """
-        later, pinch, history = number + 1, self.scene.pinch, self.history
-        push = np.zeros_like(history.contact[later])
-
-        def short(force: float) -> float:
-            """By how much (m) the gap is too small."""
-            assert pinch is not None
-            history.contact[later] = force * push
-            history.delta[later] = history.next_delta(number)
-            self.force[later] = force
-            return pinch.residual_gap - float(gap(self.outline(*self.state(later)), pinch))
-
-        if pinch is None:
-            history.delta[later] = history.next_delta(number)
-        elif short(0.0) > 0:
-            place, away = nearest(self.outline(*self.state(later)), pinch)
-            posed = Posed(self.finger, *self.state(later))
-            push = posed.of_forces(place[None], away[None])[1:]
-            most = max(self.force[number], _CONTACT)
-            while short(most) > 0:
-                most *= 4
-            short(brentq(short, 0.0, most, xtol=_CONTACT * 1e-3, rtol=1e-9))
-
-    def write(self, meshes: list[IntervalMesh], quality: list[tuple]) -> None:
-        """Check the motion and write it and its meshes in place of the first guess. StageError."""
-        scene, h = self.scene, self.history
-        result = h.check()
-        if fault := result.fault(scene.finger.length):
-            raise StageError(
-                f"{scene.folder / 'scene.toml'}: the coupled motion fails its check: {fault};"
-                " lower numerics.time_step"
-            )
-        out, time = scene.out / "run", self.step * np.arange(self.last + 1)
-        values = kinematics_values(scene, self.finger.shapes(time, h.pressure, h.delta), exact=True)
-        write_kinematics(out / "kinematics.h5", values, units=units_of(scene, values))
-        planforms = [mesh.planform for mesh in meshes]
-        write_planform(
-            out / "planform.h5",
-            [mesh.interval for mesh in meshes],
-            {name: planforms[0].attrs[name] for name in ("model", "mirror")},
-            [
-                {n: p[n].values for n in p.variables} | {"corners": p.attrs["corners"]}
-                for p in planforms
-            ],
-        )
-        MESH_QUALITY.write(out / "mesh_quality.csv", quality)
-        write_elastic_motion(
-            scene.out / FILE,
-            {
-                "time": time,
-                "pressure": h.pressure,
-                "delta": h.delta,
-                "contact_force": self.force,
-                "tip_change": result.tip,
-                "open_energy": result.open_energy,
-                "moment_share": result.moment,
-                "first_order": int(h.first_order),
-            },
-        )
-
-
-class Follower:
-    """The solver of one mesh interval, whose mesh follows the coupled motion."""
-
-    def __init__(self, run: Coupled, case: Path, guess: IntervalMesh, ranks: Ranks) -> None:
-        """`guess`: the interval's mesh, with the first guess of its motion."""
-        self._run, self._case, self._guess, self._ranks = run, case, guess, ranks
-        interval, file = guess.interval, guess.planform
+    def __init__(self, run: CoupledMotion, spans: Sequence[Interval], part: SolverInterval) -> None:
+        """`part`: with the first guess of its motion, which this one replaces; `spans`: of all."""
+        super().__init__(part)
+        self._run, self._guess, self._folder = run, part.mesh, part.case.folder
+        interval, file = part.span, self._guess.planform
         self._first, self._start, self._end = (
             steps_of(at, run.step) for at in (interval.begin, interval.start, interval.end)
         )
         self._known = self._start  # step to whose end the loads are known
-        self.quality: list[tuple] = []  # rows of MESH_QUALITY
         names = ("triangles", "quads", "body", "wall", "material", "outer")
         fixed = file["fixed"].values.astype(bool)
         parts: dict[str, Any] = {name: file[name].values for name in names}
@@ -193,6 +75,9 @@ class Follower:
         # in the overlap with the interval before the motion is known
         for number in range(self._first + 1, min(self._start + 1, self._end) + 1):
             self._follow(number)
+        part.mesh = self._mesh()
+        if interval.index and not prepared_for(self._folder):
+            self._write_case(spans)
 
     def _at(
         self, number: int, nodes: FloatArray, move: Callable[[FloatArray, FloatArray], FloatArray]
@@ -208,7 +93,7 @@ class Follower:
                 check_quality(quality, bend, run.scene.mesh, _BEYOND)
                 k, time = self._guess.interval.index, number * run.step
                 about = k, k, _HESSIAN / run.last, np.degrees(bend), time
-                self.quality.append((*about, *astuple(quality)))
+                run.quality.append((*about, *astuple(quality)))
         except MorphError as error:
             raise StageError(
                 f"{run.scene.folder / 'scene.toml'}: at {number * run.step:.4g} s the mesh cannot"
@@ -262,7 +147,7 @@ class Follower:
         turn = np.angle(heading[1] / heading[0]) / _NUDGE_PA
         return np.concatenate([by_turns, (pushed - by_turns @ turn)[..., None]], axis=-1)
 
-    def mesh(self) -> IntervalMesh:
+    def _mesh(self) -> IntervalMesh:
         """The interval's mesh with its motion as far as it is known."""
         run, guess, numbers = self._run, self._guess, sorted(self.nodes)
         time, points = run.step * np.array(numbers), np.array([self.nodes[n] for n in numbers])
@@ -278,17 +163,17 @@ class Follower:
             motion=NodeMotion(CubicSpline(time, time), CubicSpline(time, points)),
         )
 
-    def write_case(self, intervals: list[Interval]) -> None:
-        """Write the case of one of the `intervals`, in the shape that the finger has then."""
+    def _write_case(self, spans: Sequence[Interval]) -> None:
+        """Write the interval's case in the shape that the finger has when it begins."""
         mesh = self._guess
-        shutil.rmtree(self._case, ignore_errors=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
         swept = build_mesh(mesh.planform)
         nodes = self.nodes[self._first]
-        write_interval(self._run.scene, intervals, mesh.interval, mesh.planform, swept, nodes)
+        write_interval(self._run.scene, spans, mesh.interval, mesh.planform, swept, nodes)
 
-    def lay_frames(self) -> None:
-        """An empty frame for each instant: the solver finds them when it starts."""
-        frames = Frames(self._case, self._guess.planform, self._guess.sweep, self._ranks)
+    def write_frames(self, quiet: bool) -> None:
+        """Write an empty frame for each instant: the solver finds them when it starts."""
+        frames = Frames(self.part.case, self._guess)
         for number in range(self._first, self._end + 1):
             frames.write((number + _FRAME) * self._run.step, None)
 
@@ -306,29 +191,35 @@ class Follower:
     def begin(self, time: float) -> None:
         """The solver starts at `time` (s)."""
         at = steps_of(time, self._run.step)
-        self.catch_up(at)
+        self._catch_up(at)
         for path in self._samples.glob("*"):  # of a killed run
             if float(path.name) > time * (1 + 1e-9):
                 shutil.rmtree(path)
-        self._frames = Frames(self._case, self._guess.planform, self._guess.sweep, self._ranks)
+        self._frames = Frames(self.part.case, self._guess)
         for number in range(max(at - 1, self._first), min(self._known + 1, self._end) + 1):
             self._frame(number)
-        clear_gates(self._case)
+        clear_gates(self._folder)
         if at + 1 < self._end:
-            close_gate(self._case, (at + 1) * self._run.step)
+            close_gate(self._folder, (at + 1) * self._run.step)
 
     def end(self) -> None:
         """The solver has ended, or was stopped."""
-        clear_gates(self._case)
+        clear_gates(self._folder)
 
     @property
     def _samples(self) -> Path:
-        return self._case / "postProcessing" / "fingerSurface"
+        return self._folder / "postProcessing" / "fingerSurface"
 
     def _surface(self, number: int) -> Path:
         return self._samples / time_name(number * self._run.step) / "finger.vtk"
 
-    def catch_up(self, number: int) -> None:
+    def finish(self) -> None:
+        """Repeat what is left of the motion; the part's mesh then has all of it."""
+        super().finish()
+        self._catch_up(self._end)
+        self.part.mesh = self._mesh()
+
+    def _catch_up(self, number: int) -> None:
         """Repeat the motion from the samples of a solver that has been at the end of a step."""
         while self._known < number:
             self._take(self._known + 1)
@@ -354,6 +245,6 @@ class Follower:
             if number < self._end:
                 self._frame(number + 1)
         if number + 1 < self._end:
-            close_gate(self._case, (number + 1) * self._run.step)
+            close_gate(self._folder, (number + 1) * self._run.step)
         if number < self._end:
-            open_gate(self._case, number * self._run.step, alive)
+            open_gate(self._folder, number * self._run.step, alive)

@@ -1,20 +1,12 @@
-"""Stage case: one OpenFOAM case for each mesh interval, from templates and the swept mesh."""
+"""The OpenFOAM case of one mesh interval, from templates and the swept mesh."""
 
-import shutil
 from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from pipeline.formats.kinematics import read_kinematics
-from pipeline.formats.mesh_intervals import (
-    SWEEP,
-    Interval,
-    NodeMotion,
-    read_intervals,
-    read_planform,
-)
+from pipeline.formats.mesh_intervals import Interval
 from pipeline.geometry.quality import planform_edges
 from pipeline.geometry.sweep import (
     BODY_PATCHES,
@@ -31,7 +23,6 @@ from pipeline.openfoam.gate import add_gate
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 from piv.files.atomic import write_text
-from piv.files.lock import exclusive
 
 _SYMMETRIC = ("half", "quarter")
 _INTERPOLATION = {"linear": "linear", "skewCorrected": "skewCorrected linear"}
@@ -212,35 +203,3 @@ def write_interval(
     write_text(folder / "case.foam", "")
     if scene.coupled:
         add_gate(folder)
-
-
-def run(scene: Scene, quiet: bool = False) -> None:
-    """Write the folders `case/interval_<k>` and `sweep.h5` (the columns of their meshes)."""
-    folder = scene.out / "case"
-    template_files()  # raises before the old case is deleted
-    intervals = read_intervals(scene.out)
-    planforms = {
-        number: read_planform(scene.out, number)
-        for number in {interval.mesh for interval in intervals}
-    }
-    law = read_kinematics(scene.out / "kinematics.h5").law
-    meshes = {number: build_mesh(planform) for number, planform in planforms.items()}
-    # its case is deleted below
-    (scene.out / "run" / "run.json").unlink(missing_ok=True)
-    folder.mkdir(exist_ok=True)
-    with exclusive(scene.out / "solver"):  # a running solver uses the case
-        for old in folder.iterdir():
-            shutil.rmtree(old) if old.is_dir() else old.unlink()
-        columns = {}
-        for interval in intervals:
-            planform, mesh = planforms[interval.mesh], meshes[interval.mesh]
-            names = ("node", "level", "cell_column", "cell_layer")
-            columns[interval.name] = {name: getattr(mesh, name) for name in names}
-            if interval.index and scene.coupled:
-                continue  # made in the run, in the shape that the finger then has
-            nodes = NodeMotion.of(law, planform).nodes(interval.begin)
-            write_interval(scene, intervals, interval, planform, mesh, nodes)
-    SWEEP.write(scene.out / "sweep.h5", {}, columns)
-    if not quiet:
-        cells = [len(columns[interval.name]["cell_column"]) for interval in intervals]
-        print(f"case: {' + '.join(map(str, cells))} cells in {folder}")
