@@ -93,7 +93,7 @@ STAGES = (
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",
         ("images",), ("piv.h5",), {"piv": True},
-        piv=True, cost=(25, 800), threads=True,
+        version=2, piv=True, cost=(25, 800), threads=True,
     ),
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",
