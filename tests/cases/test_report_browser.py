@@ -77,7 +77,7 @@ def judged():
     registration = dict.fromkeys(names.split(), 0.1)
     registration |= {"root_px": [100.0, 900.0], "root_std_mm": [0.1, 0.1]}
     against = ("scale_against_stated_percent", "turn_against_stated_deg")
-    registration |= dict.fromkeys(against, 0.1) | {"root_against_stated_mm": [0.1, 0.1]}
+    registration |= dict.fromkeys(against, 0.1) | {"root_against_stated_px": [0.1, 0.1]}
     whole = lab_result(*quantities)
     return whole | {
         "scene": "finger", "level": "coarse", "data": "A laboratory",

@@ -57,6 +57,8 @@ def result(*quantities, missing=()):
         "missing_runs": list(missing),
         "registration": law,
         "all_water": None,
+        "quality": {"pictures": 40.0, "density_ppp": 0.05},
+        "repeats": [],
         "plane": True,
         "level": "smoke",
         "levels": {},
