@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy import ndimage
-from tests.shared_data import shared_data
 
 from docs.evidence.shared_data import shared_data
 from piv.correlation.pair import correlate_pair

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from docs.evidence.shared_data import shared_data
 from piv import correlate_pair, usable
 from piv.formats.plane_series import OUTLIER, UNCERTAIN, absent, read_plane
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
 from tests.piv_command import made
-from tests.shared_data import shared_data
 
 DATA = shared_data()
 if DATA is None or not (DATA / "piv_failing").is_dir():
