@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.shared_data import shared_data
 
+from docs.evidence.shared_data import shared_data
 from piv import correlate_pair, usable
 from piv.formats.plane_series import OUTLIER, UNCERTAIN, absent, read_plane
 from piv.images.preprocess import Preprocessor
