@@ -39,7 +39,7 @@ def make(project: Path, *arguments: str) -> subprocess.CompletedProcess:
 
 def solving(scene: Scene) -> list[str]:
     """The command of a process that runs the solver of a prepared scene, and no other stage."""
-    code = "import sys; from tests.conftest import *"
+    code = "import sys; from tests.conftest import run_stage; from pipeline.scene.scene import *"
     code += "; run_stage(load_scene(sys.argv[1], 'tiny'), 'solve')"
     return [sys.executable, "-c", code, str(scene.folder)]
 
