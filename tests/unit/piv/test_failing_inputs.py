@@ -6,7 +6,6 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from tests.shared_data import shared_data
 
 from docs.evidence.shared_data import shared_data
 from piv import correlate_pair, usable
