@@ -22,6 +22,7 @@ from tqdm import tqdm
 from pipeline.openfoam.environment import die_with_parent, environment_in
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, targets
+from pipeline.runs.seal import seal
 from pipeline.runs.stages import FEA, Stage
 from pipeline.runs.take_over import take_over
 from pipeline.scene.measurement import piv_settings, render_settings
@@ -181,6 +182,8 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         found = {path for name in step.outputs for path in run.out.glob(name) if path.is_file()}
         about |= _cost(time.monotonic() - begin, earlier)
         write_record(run.out, stage, about, sorted(found))
+        if step.sealed:
+            seal(run.out, stage)
 
 
 def make_sheet(

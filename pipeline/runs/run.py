@@ -16,6 +16,7 @@ from pipeline.formats.kinematics import read_kinematics
 from pipeline.kinematics.camera_window import following, tip_path, unseen_tip
 from pipeline.kinematics.values import kinematics_values
 from pipeline.openfoam.base_case import BASE, template_files
+from pipeline.runs.seal import is_sealed
 from pipeline.runs.sources import sources_digest
 from pipeline.runs.stages import BY_NAME, COUPLED, FEA, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
@@ -110,6 +111,8 @@ class Run:
             return "not made yet"
         if record["digest"] != self.digest(stage):
             return _difference(record["made_from"], self.made_from(stage))
+        if self.stage(stage).sealed and not is_sealed(record):
+            return "it was not made by this clone"
         return next(iter(changed_outputs(self.out, record).values()), None)
 
     def stale(self, target: str) -> dict[str, str]:
@@ -138,7 +141,8 @@ class Run:
         for out in _other_runs(self.scene, stage):
             record = read_record(out, stage)
             same = record and record["digest"] == self.digest(stage) and out != self.out
-            if record and same and not changed_outputs(out, record):
+            trusted = not self.stage(stage).sealed or (record and is_sealed(record))
+            if record and same and trusted and not changed_outputs(out, record):
                 with suppress(StageError):  # links that lead elsewhere are not taken over
                     check_own(out)
                     return out

@@ -32,6 +32,7 @@ class Stage:
     threads: bool = False
     by_sources: bool = False
     temporary: bool = False  # large: may be deleted once its readers are done
+    sealed: bool = False  # OpenFOAM runs it: another clone's is made again
 
     @property
     def done(self) -> str:
@@ -73,7 +74,7 @@ STAGES = (
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
          "case/*/system/[!dn]*"),
         {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
-        folders=("case",), cost=(1, 500), temporary=True,
+        folders=("case",), cost=(1, 500), temporary=True, sealed=True,
     ),
     Stage(
         "solve", "pipeline.solve.stage", "the flow, by OpenFOAM; resumes after an interruption",

@@ -199,3 +199,23 @@ def test_record_of_another_version_is_none(run: Run) -> None:
     path = record_path(run.out, "mesh")
     path.write_text(path.read_text().replace('"format_version": 1', '"format_version": 9'))
     assert again(run).stale("mesh") == {"mesh": "not made yet"}
+
+
+def test_a_case_that_another_clone_has_made_is_made_again(tmp_path):
+    """OpenFOAM runs what its files say, and a stranger's record can state any checksum."""
+    scene = write_scene(tmp_path / "small")
+    run = open_run(scene.folder, "tiny")
+    make(run, "case", Machine(), quiet=True)
+    assert run.why_stale("case") is None
+    control = run.out / "case" / "interval_0" / "system" / "controlDict"
+    control.write_text(control.read_text() + 'libs ("theirs.so");\n')
+    record = read_record(run.out, "case")
+    files = [run.out / name for name in record.pop("outputs")]
+    write_record(run.out, "case", record, files)
+    assert run.why_stale("case") == "it was not made by this clone"
+    twin = open_run(scene.folder, "tiny", {"sheet.margin": 0.004}, tmp_path / "small" / "out" / "b")
+    assert twin.digest("case") == run.digest("case")
+    assert twin.twin("case") is None
+    make(run, "case", Machine(), quiet=True)
+    assert run.why_stale("case") is None
+    assert "theirs" not in control.read_text()
