@@ -195,7 +195,7 @@ def use_plane(plane: xr.Dataset, path: Path) -> None:
 def written(suffix: str, folder: Path) -> list[bytes]:
     """A plane of 4 x 5 vectors with a hole, and a series of two, as this project writes them."""
     planes = []
-    for series in (False, True) if suffix in (".h5", ".nc", ".csv") else (False,):
+    for series in (False, True) if suffix in (".h5", ".nc") else (False,):
         rng, shape = np.random.default_rng(1), (2, 4, 5) if series else (4, 5)
         u, v = rng.normal(size=(2, *shape))
         valid = rng.random(shape) > 0.2
@@ -308,7 +308,7 @@ def _seeds(*contents: bytes) -> Callable[[Path], list[bytes]]:
 HEADERS = _seeds(*(CIH.format(bits=bits).encode() for bits in (8, 12, 16)))
 PIVLAB_METRES = PIVLAB.replace(b"px/frame", b"m/s").replace(b"px", b"m")
 PRESSURE = b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"
-IMAGES, VECTORS = (".png", ".bmp", ".jpg", ".pgm"), (".txt", ".dat", ".csv", ".h5", ".nc")
+IMAGES, VECTORS = (".png", ".bmp", ".jpg", ".pgm"), (".txt", ".dat", ".h5", ".nc")
 RAW = {"camera.mraw": bytes(range(256)) * 12}
 
 TARGETS = [

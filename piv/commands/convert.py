@@ -1,4 +1,4 @@
-"""Vectors between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series."""
+"""Vectors of other programs to plane series, and plane series to what others open."""
 
 import argparse
 import sys
@@ -19,7 +19,7 @@ from piv.images.clock import INTERVAL_HELP, RATE_HELP
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `piv convert`."""
     parser.add_argument(
-        "input", nargs="+", help="vector files, one per instant, or one plane series or CSV"
+        "input", nargs="+", help="vector files, one per instant, or one plane series"
     )
     parser.add_argument(
         "-o",

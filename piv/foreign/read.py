@@ -20,7 +20,6 @@ from piv.foreign.vector_files import (
     read_pivlab,
     read_tecplot,
 )
-from piv.foreign.whole import read_csv, read_whole
 from piv.foreign.write import units_of
 from piv.formats.plane_series import checked, make_plane, read_plane
 from piv.images.calibration import Calibration, calibrate_plane
@@ -142,10 +141,9 @@ def read_vectors(
     files = [Path(p) for p in paths]
     if not files:
         raise ValueError("name at least one file of vectors")
-    if kind in (None, "csv", "plane") and (plane := read_own(files[0])) is not None:
+    if kind in (None, "plane") and (plane := read_own(files[0])) is not None:
         if len(files) > 1:
-            whole = "the .pvd beside it" if files[0].suffix == ".vti" else f"{files[0].name} alone"
-            raise ValueError(f"{files[1]}: a second file of a series; give {whole}")
+            raise ValueError(f"{files[1]}: a second file of a series; give {files[0].name} alone")
         if keep_replaced or zero_is_absent:
             raise ValueError(
                 f"{files[0]}: --keep-replaced and --zero-is-absent are of other programs' files"
@@ -261,9 +259,7 @@ def read_own(path: Path) -> xr.Dataset | None:
         return read_plane(path)
     if suffix == ".nc":
         return own_netcdf(path) if netcdf_layout(path) == "plane" else None
-    if suffix == ".csv":
-        return read_csv(path) if guess_format(path) == "csv" else None
-    return read_whole(path)
+    return None
 
 
 def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:

@@ -1,4 +1,4 @@
-"""Reading vectors of other programs: OpenPIV, PIVlab, MicroVec/Tecplot, DaVis, CSV.
+"""Reading vectors of other programs: OpenPIV, PIVlab, MicroVec/Tecplot, DaVis.
 
 Every reader gives a `Vectors`: a regular grid with the units and the direction of y that the file
 states, None where it states none. `piv.foreign.read.to_plane` asks for what is missing.
@@ -17,7 +17,7 @@ from piv.foreign.davis import read_buffer
 from piv.foreign.pivlab import instants
 from piv.foreign.pivpy import netcdf_layout
 
-READERS = ("openpiv", "pivlab", "tecplot", "davis", "pivpy", "csv", "plane")
+READERS = ("openpiv", "pivlab", "tecplot", "davis", "pivpy", "plane")
 
 
 @dataclass
@@ -52,8 +52,6 @@ def guess_format(path: Path) -> str:
             return "tecplot"
         if "PIVlab" in head or "Vector type" in head:
             return "pivlab"
-        if suffix == ".csv":
-            return "csv"
         if suffix == ".txt":
             return "openpiv"
     raise ValueError(

@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 
 from piv.files.atomic import write_text
+from piv.foreign.export import write_csv, write_mat, write_tecplot, write_vti
 from piv.foreign.pivpy import write_pivpy
-from piv.foreign.whole import write_csv, write_mat, write_tecplot, write_vti
 from piv.formats.plane_series import check_plane, write_plane
 
 _WHOLE = {  # which hold every variable
