@@ -56,7 +56,7 @@ def resumable_case(case: Case, moving: bool, quiet: bool) -> Case:
         return case
     if not quiet:
         print(
-            f"solve: resumes with {earlier.ranks} rank{'s' * (earlier.ranks > 1)}, not {case.ranks}"
+            f"solve: resumes with ranks = {earlier.ranks}, not {case.ranks}"
             f" (remove {case.folder.parent} to start again from the beginning)"
         )
     return earlier
