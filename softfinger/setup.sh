@@ -65,6 +65,8 @@ if ! command -v pimpleFoam >/dev/null && [ -z "${WM_PROJECT_DIR:-}" ]; then
     install openfoam
 fi
 .venv/bin/softfinger openfoam
+# in an image too, so that its containers resume what another one began
+.venv/bin/python -c 'from pipeline.runs.seal import own_key; own_key()'
 echo "setup: what PIV and the virtual camera compile (half a minute)"
 .venv/bin/python -m piv.precompile
 rm -f .setup.log

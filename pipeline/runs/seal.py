@@ -20,21 +20,21 @@ KEY = Path(__file__).resolve().parents[2] / ".seal"
 
 
 @cache
-def _key(path: Path) -> bytes:
-    """The clone's key, made at its first use; where it cannot be kept, one for this process."""
+def own_key() -> bytes:
+    """Return the clone's key, made at its first use; or one of the process alone."""
     try:
-        with os.fdopen(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "wb") as file:
+        with os.fdopen(os.open(KEY, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "wb") as file:
             file.write(secrets.token_bytes(32))
     except FileExistsError:
         pass
     except OSError:
         return secrets.token_bytes(32)
-    return path.read_bytes()
+    return KEY.read_bytes()
 
 
 def _seal(record: dict[str, Any]) -> str:
     content = {name: value for name, value in record.items() if name != "seal"}
-    return hmac.new(_key(KEY), json.dumps(content, sort_keys=True).encode(), "sha256").hexdigest()
+    return hmac.new(own_key(), json.dumps(content, sort_keys=True).encode(), "sha256").hexdigest()
 
 
 def seal(out: Path, stage: str) -> None:
