@@ -24,7 +24,7 @@ from softfinger.options import (
     SnakemakeFlags,
     Switch,
     open_moved,
-    open_scene,
+    open_session,
 )
 from softfinger.study.command import job, schedule, study, tradeoff
 
@@ -95,10 +95,10 @@ def run(
 
         if code := schedule(plan_scene(scene, level, ranks), slurm, snakemake):
             raise SystemExit(code)
-        made = open_scene(scene, level)
+        made = open_session(scene, level)
     else:
         made = (
-            open_scene(scene, level, set_, name)
+            open_session(scene, level, set_, name)
             if coupled is None
             else open_moved(scene, level, coupled)
         )
@@ -125,7 +125,7 @@ def stages(scene: Annotated[Path | None, Parameter()] = None, *, level: Level = 
     """List the stages; of a scene, whether each is made or why not."""
     from pipeline.runs.stages import STAGES
 
-    made = open_scene(scene, level) if scene else None
+    made = open_session(scene, level) if scene else None
     for stage in STAGES:
         text = (made.why_stale(stage.name) or "made") if made else f"{stage.done:20s} {stage.about}"
         print(f"{stage.name:14s} {text}")
@@ -144,7 +144,7 @@ def fea(
 
     if processes < 1:
         raise StageError(f"NP={processes}: give 1 or more")
-    analyse(open_scene(scene, level).scene, quiet, processes=processes)
+    analyse(open_session(scene, level).scene, quiet, processes=processes)
 
 
 @app.command

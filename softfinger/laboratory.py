@@ -25,7 +25,7 @@ from postprocess.lab.flow import flow_effects
 from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
 from postprocess.lab.level import level_windows
 from postprocess.lab.motion import (
-    Case,
+    Comparison,
     Effect,
     difference,
     over_bend,
@@ -85,7 +85,7 @@ def compare_with(
             bend_std = _fea_band(dpiv, kinematics, motion)
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
-            case = Case(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
+            case = Comparison(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
             for of, one in runs.values():
                 changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
                 changed = over_bend(changed) if scene.coupled else changed
@@ -204,7 +204,7 @@ def _fea_band(dpiv: Dpiv, kinematics: Kinematics, path: Path) -> float:
 
 
 def _with_flow(
-    case: Case,
+    case: Comparison,
     run: Run,
     runs: dict[str, Run],
     labs: Path,
@@ -212,7 +212,7 @@ def _with_flow(
     view: View,
     machine: Machine,
     quiet: bool,
-) -> Case:
+) -> Comparison:
     """The case with both sides' flows and what the runs change of it; solves what is missing.
 
     A clock that the water contradicts is refused before the runs beside the nominal one.

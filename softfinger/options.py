@@ -29,7 +29,7 @@ SnakemakeFlags = Annotated[
 ]
 
 
-def open_scene(scene: Path, level: str, values: list[str] = [], name: str = "") -> Any:  # noqa: B006
+def open_session(scene: Path, level: str, values: list[str] = [], name: str = "") -> Any:  # noqa: B006
     """Open the run of a scene; one with overrides (KEY=VALUE) has a folder of its own. StageError.
 
     `name`: of that folder; without it, it follows from the overrides.
@@ -67,10 +67,10 @@ def open_moved(
     values: list[str] = [],  # noqa: B006
     name: str = "",
 ) -> Any:
-    """Open a run as `open_scene`, coupled or prescribed: in an own folder if its file differs."""
+    """Open a run as `open_session`, coupled or prescribed: in an own folder if its file differs."""
     from pipeline.runs.run import open_run, other_motion
 
-    plain = open_scene(scene, level, values, name)
+    plain = open_session(scene, level, values, name)
     if coupled is None or coupled == plain.scene.coupled:
         return plain
     return open_run(scene, level, *other_motion(plain.scene))

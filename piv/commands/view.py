@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from piv.view.scene import open_scene
+from piv.view.session import open_session
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,11 +29,11 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"--port is from 1 to 65535, got {args.port}")
     from piv.view.server import serve
 
-    scene = open_scene(args.file, args.images, args.mask)
-    scene.extent()  # raises where the scale is unknown, before the page opens
+    session = open_session(args.file, args.images, args.mask)
+    session.extent()  # raises where the scale is unknown, before the page opens
 
     def ready(address: str) -> None:
         if not args.quiet or args.no_browser:
-            print(f"{address}\n{scene.count} steps; Ctrl-C ends it", flush=True)
+            print(f"{address}\n{session.count} steps; Ctrl-C ends it", flush=True)
 
-    serve(scene, args.output, args.port, not args.no_browser, ready)
+    serve(session, args.output, args.port, not args.no_browser, ready)

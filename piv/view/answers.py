@@ -21,7 +21,7 @@ from piv.images.clock import interval_of
 from piv.images.masks import inside_polygon, polygons_mask
 from piv.images.preprocess import Preprocessor
 from piv.sequence.frame_sets import SequenceOptions
-from piv.view.scene import Scene, with_vorticity
+from piv.view.session import Session, with_vorticity
 from piv.vortices.contour import area, round_contour
 from piv.vortices.find import find_vortices
 
@@ -31,22 +31,22 @@ FORM = (
 _PURPLE_ORANGE = "2d004b 542788 8073ac b2abd2 d8daeb f7f7f7 fee0b6 fdb863 e08214 b35806 7f3b08"
 
 
-def about(scene: Scene, output: str) -> dict[str, Any]:
-    """What the page knows of the whole scene."""
+def about(session: Session, output: str) -> dict[str, Any]:
+    """What the page knows of the whole session."""
     return {
-        "name": scene.name,
+        "name": session.name,
         "output": output,
-        "count": scene.count,
-        "unit": scene.unit,
-        "extent": scene.extent(),
-        "images": scene.recording is not None,
-        "frames": len(scene.recording) if scene.recording is not None else scene.count,
-        "vectors": scene.series is not None,
-        "times": [scene.time_text(k) for k in range(scene.count)],
-        "frame_of": [scene.frame_number(k) for k in range(scene.count)],
-        "scales": _scales(scene),
+        "count": session.count,
+        "unit": session.unit,
+        "extent": session.extent(),
+        "images": session.recording is not None,
+        "frames": len(session.recording) if session.recording is not None else session.count,
+        "vectors": session.series is not None,
+        "times": [session.time_text(k) for k in range(session.count)],
+        "frame_of": [session.frame_number(k) for k in range(session.count)],
+        "scales": _scales(session),
         "colours": _colours(),
-        "form": _form(scene),
+        "form": _form(session),
     }
 
 
@@ -60,13 +60,13 @@ def _colours() -> dict[str, list[str]]:
     return {key: [f"#{bytes(c).hex()}" for c in colours] for key, colours in maps.items()}
 
 
-def _scales(scene: Scene) -> dict[str, float]:
+def _scales(session: Session) -> dict[str, float]:
     """Limits of speed and vorticity that hold at every step: 99th percentiles of five."""
-    if scene.series is None:
+    if session.series is None:
         return {}
     found: dict[str, list[ndarray]] = {"speed": [], "vorticity": []}
-    for k in np.unique(np.linspace(0, scene.count - 1, 5).astype(int)):
-        plane = scene.plane(int(k))
+    for k in np.unique(np.linspace(0, session.count - 1, 5).astype(int)):
+        plane = session.plane(int(k))
         ok = usable(plane).values
         found["speed"].append(np.hypot(plane["u"].values, plane["v"].values)[ok])
         omega = np.abs(plane["vorticity"].values)
@@ -75,32 +75,32 @@ def _scales(scene: Scene) -> dict[str, float]:
     return {n: float(np.percentile(a, 99)) if a.size else 1.0 for n, a in whole.items()}
 
 
-def _form(scene: Scene) -> list[dict[str, Any]]:
+def _form(session: Session) -> list[dict[str, Any]]:
     """Settings to try: name, help and value."""
     return [
         {"name": name, "help": get_args(hint)[1], "value": getattr(made, name)}
-        for made in scene.made
+        for made in session.made
         for name, hint in get_type_hints(type(made), include_extras=True).items()
         if name in FORM
     ]
 
 
-def _chosen(scene: Scene, settings: dict[str, Any]) -> tuple[Options, SequenceOptions]:
+def _chosen(session: Session, settings: dict[str, Any]) -> tuple[Options, SequenceOptions]:
     """The settings that the vectors were made with, some of them replaced."""
-    options, sequence = scene.made
+    options, sequence = session.made
     own = {k: settings[k] for k in settings if k != "preprocess"}
     preprocess = settings.get("preprocess", sequence.preprocess)
     return replace(options, **own), replace(sequence, preprocess=preprocess)
 
 
-def proposal(scene: Scene, settings: dict[str, Any]) -> dict[str, str]:
+def proposal(session: Session, settings: dict[str, Any]) -> dict[str, str]:
     """`flags` of `piv correlate` for the settings, and a `note` on what a try leaves out."""
-    options, sequence = _chosen(scene, settings)
+    options, sequence = _chosen(session, settings)
     note = ""
     if sequence.frames > 2 or sequence.ensemble:
         sets = "all pairs" if sequence.ensemble else f"{sequence.frames} frames"
         note = f"tried as a pair; a field of the file is of {sets}"
-    if scene.recording is not None and sequence.pairing == scene.recording.pairing:
+    if session.recording is not None and sequence.pairing == session.recording.pairing:
         sequence = replace(sequence, pairing=None)
     words = []
     for chosen in (options, sequence):
@@ -113,7 +113,7 @@ def proposal(scene: Scene, settings: dict[str, Any]) -> dict[str, str]:
                 words.append(f"--{flag}" if value else f"--no-{flag}")
             else:
                 words += [f"--{flag}", str(value)]
-    words += ["--mask", scene.mask] if scene.mask is not None else []
+    words += ["--mask", session.mask] if session.mask is not None else []
     return {"flags": shlex.join(words), "note": note}
 
 
@@ -180,35 +180,35 @@ def profile(plane: xr.Dataset, line: list[list[float]]) -> dict[str, Any]:
 
 
 def tried(
-    scene: Scene, step: int, settings: dict[str, Any], polygons: list[list[list[float]]]
+    session: Session, step: int, settings: dict[str, Any], polygons: list[list[list[float]]]
 ) -> xr.Dataset:
-    """The vectors of the pair at a step with other settings and masks, in the scene's units.
+    """The vectors of the pair at a step with other settings and masks, in the session's units.
 
-    `settings` replace those that the vectors of the scene were made with.
+    `settings` replace those that the vectors of the session were made with.
     """
-    if scene.recording is None:
+    if session.recording is None:
         raise ValueError("settings are tried on images; give --images RECORDING")
-    options, sequence = _chosen(scene, settings)
-    first, second = scene.frames_of(step)
+    options, sequence = _chosen(session, settings)
+    first, second = session.frames_of(step)
     if first == second:
         raise ValueError("a pair needs two images, and --images has one; give more")
-    clean = Preprocessor(sequence.steps, scene.recording)
-    masks = [clean.mask(scene.recording.mask(k)) for k in (first, second)]
+    clean = Preprocessor(sequence.steps, session.recording)
+    masks = [clean.mask(session.recording.mask(k)) for k in (first, second)]
     if polygons:
         shapes = [np.asarray(p, float) for p in polygons]
-        if scene.unit != "px":
-            pixel, origin = scene.scale()
+        if session.unit != "px":
+            pixel, origin = session.scale()
             shapes = [s / pixel + origin for s in shapes]
-        drawn = polygons_mask(shapes, scene.recording.shape)
+        drawn = polygons_mask(shapes, session.recording.shape)
         masks = [drawn if m is None else drawn | m for m in masks]
-    a, b = (clean(scene.recording.frame(k)) for k in (first, second))
+    a, b = (clean(session.recording.frame(k)) for k in (first, second))
     known = None if masks[0] is None and masks[1] is None else tuple(masks)
     plane = correlate_pair(a, b, mask=known, **asdict(options))
-    if scene.unit != "px":
-        pixel, origin = scene.scale()
-        times = scene.recording.times
+    if session.unit != "px":
+        pixel, origin = session.scale()
+        times = session.recording.times
         own = None if times is None else float(times[second] - times[first])
-        stated = scene.series.attrs.get("interval") if scene.series is not None else None
+        stated = session.series.attrs.get("interval") if session.series is not None else None
         interval = interval_of(plane, stated if stated is not None else own)
         plane = calibrate_plane(plane, Calibration(pixel * 1e3, origin[0], origin[1]), interval)
     return with_vorticity(plane)

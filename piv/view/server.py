@@ -17,7 +17,7 @@ from piv.files.errors import one_line, sentence
 from piv.files.json_text import plain
 from piv.view import answers
 from piv.view.regions import write_regions
-from piv.view.scene import Scene
+from piv.view.session import Session
 
 LONGEST = 2**24  # bytes of a request
 _SHOWN = 60.0  # s until the file that names the address to the browser is removed
@@ -26,30 +26,30 @@ _SHOWN = 60.0  # s until the file that names the address to the browser is remov
 class _Answers:
     """What each name in the page's address gives: bytes, or what becomes JSON."""
 
-    def __init__(self, scene: Scene, output: Path) -> None:
-        self.scene, self.output = scene, output
+    def __init__(self, session: Session, output: Path) -> None:
+        self.session, self.output = session, output
         self.tried: Any = None  # vectors of other settings, shown in place of those of the file
 
     def about(self) -> Any:
-        """The scene."""
-        return answers.about(self.scene, str(self.output))
+        """The session."""
+        return answers.about(self.session, str(self.output))
 
     def image(self, step: int, second: int, low: float, high: float) -> bytes:
         """A frame as PNG."""
-        return self.scene.image(step, second == 1, low, high)
+        return self.session.image(step, second == 1, low, high)
 
     def field(self, step: int) -> Any:
         """The vectors of a step."""
         self.tried = None
-        return answers.field(self.scene.plane(step))
+        return answers.field(self.session.plane(step))
 
     def attempt(self, step: int, settings: dict[str, Any], polygons: list) -> Any:
         """The vectors of a step with other settings; measures are of them until the next step."""
-        self.tried = answers.tried(self.scene, step, settings, polygons)
-        return answers.field(self.tried) | answers.proposal(self.scene, settings)
+        self.tried = answers.tried(self.session, step, settings, polygons)
+        return answers.field(self.tried) | answers.proposal(self.session, settings)
 
     def _shown(self, step: int) -> Any:
-        return self.tried if self.tried is not None else self.scene.plane(step)
+        return self.tried if self.tried is not None else self.session.plane(step)
 
     def vortices(self, step: int) -> Any:
         """The vortices of what is shown."""
@@ -71,10 +71,12 @@ class _Answers:
         }
         x0, y0, x1, y1 = map(float, roi or (0, 0, 0, 0))
         region = None if roi is None else (x0, y0, x1, y1)
-        return {"text": write_regions(self.output, self.scene.unit, polygons or {0: []}, region)}
+        return {"text": write_regions(self.output, self.session.unit, polygons or {0: []}, region)}
 
 
-def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[str], None]) -> None:
+def serve(
+    session: Session, output: Path, port: int, show: bool, ready: Callable[[str], None]
+) -> None:
     """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address.
 
     A request is answered only with the secret of the address in it and with a Host of this machine:
@@ -82,7 +84,7 @@ def serve(scene: Scene, output: Path, port: int, show: bool, ready: Callable[[st
     """
     secret, one = secrets.token_urlsafe(16), threading.Lock()
     page = files("piv.view").joinpath("page.html").read_bytes()
-    actions = _Answers(scene, output)
+    actions = _Answers(session, output)
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"

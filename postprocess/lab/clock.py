@@ -15,7 +15,7 @@ import xarray as xr
 
 from piv.files.errors import StageError
 from piv.formats.plane_series import usable
-from postprocess.lab.motion import Case, bend_done
+from postprocess.lab.motion import Comparison, bend_done
 from postprocess.lab.pose import camera_series
 from postprocess.lab.register import Registration
 from postprocess.lab.virtual_experiment import Sides
@@ -48,7 +48,7 @@ class SpeedRatio:
         return np.log(self.ratio[ok]) if ok.sum() >= FEWEST else np.empty(0)
 
 
-def speed_ratio(case: Case, sides: Sides) -> SpeedRatio:
+def speed_ratio(case: Comparison, sides: Sides) -> SpeedRatio:
     """The ratio at the recording's instants."""
     factor, _, stretch = case.registration.law.values
     phase = sides.data["time"].values / stretch
@@ -102,7 +102,7 @@ def onset(registration: Registration, plane: xr.Dataset, sheet: xr.Dataset) -> R
     return replace(registration, law=law)
 
 
-def check_rate(case: Case, sides: Sides, paired: bool, path: Path) -> None:
+def check_rate(case: Comparison, sides: Sides, paired: bool, path: Path) -> None:
     """StageError that names frame_rate_hz of `path` where the water contradicts it.
 
     Of pictures that are no pairs the interval is wrong as well, and nothing shows it.
@@ -120,7 +120,7 @@ def check_rate(case: Case, sides: Sides, paired: bool, path: Path) -> None:
         )
 
 
-def constant_ratio(case: Case, sides: Sides) -> float | None:
+def constant_ratio(case: Comparison, sides: Sides) -> float | None:
     """The factor by which all water moves at every instant of the stroke; None of another flow."""
     if case.registration.times.size == 0:
         return None

@@ -19,7 +19,7 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.level import level_uncertainty
-from postprocess.lab.motion import Case, Effect
+from postprocess.lab.motion import Comparison, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -76,7 +76,7 @@ def measure(
     return out.assign(x=places[:, 0], y=places[:, 1]).reset_index()
 
 
-def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
+def tables(case: Comparison, sides: Sides) -> dict[str, pd.DataFrame]:
     """`measure` of every side."""
     named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
     # without pictures the vectors of all sides, since programs mask the body differently
@@ -88,7 +88,7 @@ def tables(case: Case, sides: Sides) -> dict[str, pd.DataFrame]:
 
 
 def flow_effects(
-    case: Case, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
+    case: Comparison, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
 ) -> list[Effect]:
     """The effects with what each run changes of the flow, seen through this recording's pose.
 
@@ -116,7 +116,7 @@ def flow_effects(
     return effects
 
 
-def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
+def known_instants(case: Comparison, measured: dict[str, pd.DataFrame]) -> np.ndarray:
     """Instants (n,) at which every side and run knows the vortex; StageError of too few."""
     every = [*measured.values(), *(e.table for e in case.effects if e.table is not None)]
     seen = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
@@ -129,7 +129,7 @@ def known_instants(case: Case, measured: dict[str, pd.DataFrame]) -> np.ndarray:
 
 
 def compared_instants(
-    case: Case,
+    case: Comparison,
     measured: dict[str, pd.DataFrame],
     at: np.ndarray,
     quantity: Measured,
@@ -167,7 +167,7 @@ def independent_instants(times: np.ndarray, window_s: float) -> float:
 
 
 def flow_quantities(
-    case: Case, sides: Sides, measured: dict[str, pd.DataFrame]
+    case: Comparison, sides: Sides, measured: dict[str, pd.DataFrame]
 ) -> list[ValidatedQuantity]:
     """The quantities with all their sources, as means over the instants that tell most.
 
@@ -264,7 +264,7 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
     return np.column_stack([shift, [arm[1], -arm[0]], -arm])
 
 
-def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[Source]:
+def run_sources(case: Comparison, columns: tuple[str, ...], rows: np.ndarray) -> list[Source]:
     """Uncertainty of inputs and numerics by the runs beside the nominal one.
 
     Where the recording shows the motion, how well it is known takes the place of the inputs of the
@@ -285,7 +285,7 @@ def run_sources(case: Case, columns: tuple[str, ...], rows: np.ndarray) -> list[
 
 
 def corrections(
-    case: Case, columns: tuple[str, ...], rows: np.ndarray
+    case: Comparison, columns: tuple[str, ...], rows: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """What the recording's own motion, and finer numerics, add to S; None where not known."""
     moved = [e.share * e.moves(columns, rows) for e in case.of_motion if e.share is not None]
@@ -293,7 +293,7 @@ def corrections(
     return (np.sum(moved, axis=0) if moved else None, np.sum(finer, axis=0) if finer else None)
 
 
-def corrected(case: Case, table: pd.DataFrame) -> pd.DataFrame:
+def corrected(case: Comparison, table: pd.DataFrame) -> pd.DataFrame:
     """A side's table at the recording's own motion, with finer numerics, at every instant."""
     out = table.copy()
     for e in case.effects:

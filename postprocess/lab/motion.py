@@ -63,7 +63,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Case:
+class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `levels`: as
@@ -158,7 +158,7 @@ def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
     return bend, stroke_duration(nominal) * (stretch - 1)
 
 
-def _motions(case: Case) -> np.ndarray:
+def _motions(case: Comparison) -> np.ndarray:
     """Final bend (rad) and duration (s): simulated, recorded, standard uncertainty; (2, 3)."""
     law, kinematics = case.registration.law, case.kinematics
     factor, _, stretch = law.values
@@ -172,7 +172,7 @@ def _motions(case: Case) -> np.ndarray:
     )
 
 
-def at_recorded_motion(case: Case) -> Case:
+def at_recorded_motion(case: Comparison) -> Comparison:
     """The case with the recording's bend and duration in changes of the runs of pressure and time.
 
     The flow goes with the bend, and with the speed, the inverse of the duration. As it is where the
@@ -191,7 +191,7 @@ def at_recorded_motion(case: Case) -> Case:
     return replace(case, effects=list(named.values()))
 
 
-def motion_quantities(case: Case) -> list[ValidatedQuantity]:
+def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke; none where the recording does not show them."""
     if case.registration.times.size == 0:
         return []

@@ -12,7 +12,7 @@ from postprocess.lab.clock import constant_ratio
 from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.flow import corrected, flow_quantities, tables
 from postprocess.lab.level import level_uncertainty
-from postprocess.lab.motion import Case, at_recorded_motion, motion_quantities
+from postprocess.lab.motion import Comparison, at_recorded_motion, motion_quantities
 from postprocess.lab.recorded import recording_quality
 from postprocess.lab.validation import ValidatedQuantity, joint_level, judged, repeated, verdicts
 
@@ -22,12 +22,12 @@ class Compared:
     """One recording's case, its quantities, and the flow's series over time (None: no flow)."""
 
     dpiv: Dpiv
-    case: Case
+    case: Comparison
     quantities: list[ValidatedQuantity]
     series: pd.DataFrame | None
 
 
-def compare(dpiv: Dpiv, case: Case) -> Compared:
+def compare(dpiv: Dpiv, case: Comparison) -> Compared:
     """The quantities of one recording; the flow's at the recording's own motion, where known."""
     case = at_recorded_motion(case)
     quantities, series = motion_quantities(case), None

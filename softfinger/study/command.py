@@ -12,7 +12,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from piv.files.errors import StageError
-from softfinger.options import CORES, SceneFolder, Slurm, SnakemakeFlags, open_scene
+from softfinger.options import CORES, SceneFolder, Slurm, SnakemakeFlags, open_session
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _SNAKEMAKE = _PACKAGE.parent / ".venv-study" / "bin" / "snakemake"
@@ -60,7 +60,7 @@ def tradeoff(
     from softfinger.study.accuracy import study_table
     from softfinger.study.tradeoff import write_tradeoff
 
-    plan = study(study_table(open_scene(scene, "coarse").scene), scene=scene, only=only)
+    plan = study(study_table(open_session(scene, "coarse").scene), scene=scene, only=only)
     write_tradeoff(plan, only.replace(",", " ").split())
 
 

@@ -10,7 +10,7 @@ from docs.evidence.lab_renderer import Filmed
 from piv.vortices.find import VortexSettings
 from postprocess.lab.dpiv_toml import Evaluation
 from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
-from postprocess.lab.motion import Case, Effect
+from postprocess.lab.motion import Comparison, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Law, Registration
 from postprocess.lab.summary import compare
@@ -56,7 +56,7 @@ def compared(tmp_path_factory):
         registration = Registration(pose, covariance, 0.0, law, none, none, pose)
         settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = Sides(data, virtual, direct, settings, 24 * pose.pixel)
-        case = Case(kinematics, registration, 0.0, sides, [_grid_effect(instants.size)])
+        case = Comparison(kinematics, registration, 0.0, sides, [_grid_effect(instants.size)])
         out[gain] = judged_of(case)
     # a run of finer numerics that has the stronger vortex of the last recording
     circulation = by_name(out[1.25])["circulation"]

@@ -15,7 +15,7 @@ from postprocess.lab.clock import check_rate, constant_ratio
 from postprocess.lab.flow import corrected, corrections, run_sources
 from postprocess.lab.inputs_toml import Finer, Input
 from postprocess.lab.motion import (
-    Case,
+    Comparison,
     Effect,
     at_recorded_motion,
     difference,
@@ -51,7 +51,7 @@ def case(tmp_path_factory):
         Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3, "x": 0.0, "y": 0.0}))
         for of, c, b, d in runs
     ]
-    return Case(kinematics, registration, 0.02, None, effects)
+    return Comparison(kinematics, registration, 0.02, None, effects)
 
 
 def input_of(name):

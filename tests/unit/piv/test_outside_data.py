@@ -8,7 +8,7 @@ from piv.foreign.pivlab import instants
 from piv.formats.plane_series import make_plane, write_plane
 from piv.formats.recording import RecordingWriter
 from piv.sequence.chunks import join
-from piv.view.scene import open_scene
+from piv.view.session import open_session
 from postprocess.lab.dpiv_toml import seen_in
 from tests.piv_command import piv
 
@@ -61,7 +61,7 @@ def session(path):
 
 READERS = [
     ("images.h5", recording, "frames", lambda p: piv("correlate", p, "-o", p.with_name("o.h5"))),
-    ("images.h5", recording, "frames", lambda p: open_scene([str(p)])),
+    ("images.h5", recording, "frames", lambda p: open_session([str(p)])),
     ("images.h5", recording, "time", lambda p: seen_in(p.parent)),
     ("piv.h5", plane, "u", lambda p: piv("stats", p, "-o", p.with_name("o.h5"))),
     ("piv.h5", plane, "valid", lambda p: piv("convert", p, "-o", p.with_name("o.csv"))),

@@ -17,7 +17,7 @@ from piv.foreign.read import in_px
 from piv.formats.plane_series import make_plane, provenance, write_plane
 from piv.view import answers, server
 from piv.view.regions import write_regions
-from piv.view.scene import open_scene
+from piv.view.session import open_session
 from piv.vortices.find import scale_of
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.viewer import click, drag, key, mouse, polygon, ready, serving, tool, until
@@ -53,25 +53,25 @@ def folder(tmp_path_factory):
 
 
 def test_images_behind_vectors_are_their_pair(folder):
-    scene = open_scene([str(folder / "piv.h5")], [str(folder / "run")])
+    scene = open_session([str(folder / "piv.h5")], [str(folder / "run")])
     assert (scene.count, scene.unit, scene.extent()) == (3, "px", (-0.5, -0.5, 127.5, 95.5))
     assert [scene.frames_of(k) for k in range(3)] == [(0, 1), (2, 3), (4, 5)]
     shown = cv2.imdecode(np.frombuffer(scene.image(1, True), np.uint8), cv2.IMREAD_UNCHANGED)
     assert shown.shape == SHAPE
     assert scene.time_text(2) == "4.5 frame"
-    alone = open_scene([str(folder / "run")])
+    alone = open_session([str(folder / "run")])
     assert [alone.frames_of(k) for k in range(3)] == [(0, 1), (0, 1), (2, 3)]
 
 
 def test_fewer_images_than_fields_are_refused(folder):
     images = sorted(str(path) for path in (folder / "run").iterdir())
     with pytest.raises(ValueError, match=r"fields, but the images give 1; give --images all"):
-        open_scene([str(folder / "piv.h5")], images[:2])
-    assert open_scene([str(folder / "piv.h5")], images[:1]).frames_of(1) == (0, 0)  # behind all
+        open_session([str(folder / "piv.h5")], images[:2])
+    assert open_session([str(folder / "piv.h5")], images[:1]).frames_of(1) == (0, 0)  # behind all
 
 
 def test_an_area_gives_the_circulation_round_it_and_its_uncertainty(folder):
-    plane = open_scene([str(folder / "piv.h5")]).plane(0)
+    plane = open_session([str(folder / "piv.h5")]).plane(0)
     found = answers.inside(plane, AROUND)
     # all but exp(-8) of the vortex is inside; linear between vectors a third of a core apart
     assert found["circulation"] == pytest.approx(GAMMA, rel=0.01)
@@ -97,7 +97,7 @@ def test_an_area_gives_the_circulation_round_it_and_its_uncertainty(folder):
 
 
 def test_settings_are_tried_on_the_pair_that_is_shown(folder):
-    scene = open_scene([str(folder / "piv.h5")], [str(folder / "run")])
+    scene = open_session([str(folder / "piv.h5")], [str(folder / "run")])
     plane = answers.tried(scene, 1, {"window": 16.0, "spacing": 8, "preprocess": "none"}, [SQUARE])
     assert plane.sizes == {"y": 12, "x": 16}
     assert plane["flag"].sel(x=25, y=20, method="nearest") == 2  # masked
@@ -113,7 +113,7 @@ def test_a_try_starts_from_the_settings_of_the_file(folder, tmp_path):
     own = {"window": 24.0, "spacing": 8, "epsilon": 0.3, "max_std": 0.4, "smoothing": False}
     camera = {"scale_mm_per_px": 0.1, "interval": 0.001, "preprocess": "highpass=8"}
     make_vectors(folder / "run", tmp_path / "m.h5", own | camera, quiet=True)
-    scene = open_scene([str(tmp_path / "m.h5")], [str(folder / "run")])
+    scene = open_session([str(tmp_path / "m.h5")], [str(folder / "run")])
     plane, again = scene.plane(1), answers.tried(scene, 1, {}, [])
     np.testing.assert_allclose(again["u"], plane["u"], rtol=1e-6)
     made = json.loads(again.attrs["settings"])
@@ -128,7 +128,7 @@ def test_a_try_starts_from_the_settings_of_the_file(folder, tmp_path):
 def test_a_try_of_a_set_of_frames_is_of_a_pair_and_says_so(folder, tmp_path):
     sets = {"frames": 3, "pairing": "1-2,2-3", "every": 2, "preset": "fast"}
     make_vectors(folder / "run", tmp_path / "m.h5", sets, quiet=True)
-    scene = open_scene([str(tmp_path / "m.h5")], [str(folder / "run")])
+    scene = open_session([str(tmp_path / "m.h5")], [str(folder / "run")])
     assert [scene.frames_of(k) for k in range(scene.count)] == [(1, 2), (3, 4)]
     found = answers.proposal(scene, {"preset": "balanced"})
     assert "--pairing 1-2,2-3 --every 2 --frames 3" in found["flags"]  # names state 1-2,3-4
@@ -174,13 +174,13 @@ def test_a_pair_that_is_tried_keeps_the_mask(folder):
     body[:40, 90:] = 255
     cv2.imwrite(str(folder / "body.png"), body)
     mask = str(folder / "body.png")
-    scene = open_scene([str(folder / "piv.h5")], [str(folder / "run")], mask)
+    scene = open_session([str(folder / "piv.h5")], [str(folder / "run")], mask)
     assert "--mask" in answers.proposal(scene, {})["flags"]
     masked = answers.tried(scene, 1, {}, [])["flag"] == 2
     assert masked.sel(x=slice(100, None), y=slice(66, None)).all()
     assert not masked.sel(x=slice(30, 70), y=slice(20, 50)).any()
     with pytest.raises(ValueError, match="a mask is of images; give --images"):
-        open_scene([str(folder / "piv.h5")], mask=mask)
+        open_session([str(folder / "piv.h5")], mask=mask)
 
 
 def test_a_stranger_is_refused(address, folder):

@@ -27,7 +27,7 @@ VECTOR_SUFFIXES = (".nc", ".csv", ".txt", ".dat", ".vti", ".pvd", ".mat", ".vc7"
 
 
 @dataclass
-class Scene:
+class Session:
     """Images, vectors, or both; `count` steps."""
 
     name: str
@@ -151,19 +151,19 @@ def with_vorticity(plane: xr.Dataset) -> xr.Dataset:
     return plane.assign(vorticity=(("y", "x"), found, {"units": unit}))
 
 
-def open_scene(
+def open_session(
     source: Sequence[str], images: Sequence[str] | None = None, mask: str | None = None
-) -> Scene:
-    """A scene from a file of vectors or a recording, the images behind the vectors, their mask."""
-    scene = _open_scene(source, images)
+) -> Session:
+    """Open vectors or a recording, the images behind the vectors, and their mask."""
+    session = _open_session(source, images)
     if mask is None:
-        return scene
-    if scene.recording is None:
+        return session
+    if session.recording is None:
         raise ValueError(f"{mask}: a mask is of images; give --images")
-    return replace(scene, recording=part_of_recording(scene.recording, mask), mask=mask)
+    return replace(session, recording=part_of_recording(session.recording, mask), mask=mask)
 
 
-def _open_scene(source: Sequence[str], images: Sequence[str] | None) -> Scene:
+def _open_session(source: Sequence[str], images: Sequence[str] | None) -> Session:
     path = Path(source[0])
     vectors = path.suffix.lower() in VECTOR_SUFFIXES
     if path.suffix.lower() == ".h5" and path.is_file():
@@ -172,15 +172,15 @@ def _open_scene(source: Sequence[str], images: Sequence[str] | None) -> Scene:
     if not vectors:
         if images is not None:
             raise ValueError(f"{path}: is a recording; --images goes with a file of vectors")
-        return Scene(str(path), open_recording(source), None)
+        return Session(str(path), open_recording(source), None)
     if len(source) > 1:
         raise ValueError(f"{source[1]}: give one file of vectors, and images with --images")
-    scene = Scene(str(path), open_recording(images) if images else None, open_vectors(path))
-    if scene.recording is not None and len(scene.recording) > 1:
-        pairs = len(scene.sets)
-        if scene.count > pairs:
+    session = Session(str(path), open_recording(images) if images else None, open_vectors(path))
+    if session.recording is not None and len(session.recording) > 1:
+        pairs = len(session.sets)
+        if session.count > pairs:
             raise ValueError(
-                f"{path}: {scene.count} fields, but the images give {pairs}; give --images all "
+                f"{path}: {session.count} fields, but the images give {pairs}; give --images all "
                 "that the fields were made of, in the same order"
             )
-    return scene
+    return session
