@@ -6,7 +6,7 @@ import pytest
 from pipeline.scene.scene import load_scene
 from pipeline.solve.stage import run
 from tests.cases.conftest import table
-from tests.conftest import prepare, write_scene
+from tests.conftest import prepare, run_stage, write_scene
 
 pytestmark = pytest.mark.openfoam
 
@@ -31,8 +31,7 @@ def test_a_coupled_finger_pushes_the_cylinder_ahead_of_it(tmp_path):
     text = BESIDE.rpartition("[[obstacle]]")[0].replace("= 0.01,", "= 0.002,")
     text = text.replace("end_time = 0.03", 'end_time = 0.024\nsource = "structure"')
     scene = write_scene(tmp_path / "s", more=text)
-    prepare(scene)
-    run(scene, quiet=True)
+    run_stage(prepare(scene), "solve")
     finger, ahead = (table(scene, f"forces{n}") for n in ("", "_obstacle_1"))
     first = int(np.abs(finger[:, 1]).argmax())
     assert np.isfinite(ahead).all()
