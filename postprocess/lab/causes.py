@@ -172,42 +172,46 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
         slopes.append((ahead - back) / (2 * step.max()))
     # a finger that lags smoothly, as one with hysteresis, has no jump
     law = np.stack([*slopes, slopes[1] * lag**2, slopes[1] * lag**3], axis=-1)
-    drift = lag[:, None] ** np.arange(4)
     noise = np.hypot(fit.singles_std[0], NOISE * span)
-    found = [(_step(fit.singles[0] - fit.law, noise, law, slopes[1]), 0.7 * fit.interval)]
+    sure, jump = _steps(fit.singles[0] - fit.law, noise, law, slopes[1])
+    clock = sure * (np.abs(jump) > 0.7 * fit.interval)
+    drift, pose = lag[:, None] ** np.arange(2), []
     for k, least in enumerate((MOVED_PX, MOVED_PX, TURNED)):
-        seen = fit.singles[k + 1], np.hypot(fit.singles_std[k + 1], 0.1 * least)
-        found.append((_step(*seen, drift, np.ones_like(lag)), least))
-    sure = [abs(j) / s * (abs(j) > max(JUMP * s, least)) for (_, j, s), least in found]
-    kind = int(np.argmax(sure))
-    if not sure[kind]:
+        # single pictures scatter by a third of their standard uncertainties
+        seen = fit.singles[k + 1], 0.5 * np.hypot(fit.singles_std[k + 1], 0.1 * least)
+        pose.append(_steps(*seen, drift, np.ones_like(lag)))
+    # x, y and angle jump together
+    (x, y, turn), moved = (p[1] for p in pose), np.sqrt(sum(p[0] ** 2 for p in pose))
+    moved = moved * ((np.hypot(x, y) > MOVED_PX) | (np.abs(turn) > TURNED))
+    camera = moved.max() > clock.max()
+    at = int(np.argmax(moved if camera else clock))
+    if (moved if camera else clock)[at] <= JUMP:
         return ""
-    (at, jump, _), _ = found[kind]
-    when = f"from {times[at]:.3f} s of the recording on"
-    if kind:
+    when, late = f"from {times[at]:.3f} s of the recording on", float(jump[at])
+    if camera:
         return (
-            f"the camera moved: {when} the finger's root lies elsewhere"
-            f" (in {('x', 'y', 'angle')[kind - 1]}); give the part before or behind it as a"
-            " recording of its own"
+            f"the camera moved: {when} the finger's root lies {np.hypot(x[at], y[at]):.1f} px from"
+            f" where it lay, turned by {np.degrees(turn[at]):.1f}°; give the part before or behind"
+            " it as a recording of its own"
         )
     where, why = "ahead of", "pictures are missing there"
-    if jump > 0:
+    if late > 0:
         where, why = "behind", "a picture is there twice, or the finger halted"
     return (
-        f"the clock jumps: {when} the finger is {abs(jump) * 1e3:.0f} ms {where} its motion before:"
+        f"the clock jumps: {when} the finger is {abs(late) * 1e3:.0f} ms {where} its motion before:"
         f" {why} (dropped frames); give the part before or behind it as a recording of its own, or"
         " compare the motion that water changes (COUPLED=1)"
     )
 
 
-def _step(
+def _steps(
     values: np.ndarray, noise: np.ndarray, smooth: np.ndarray, change: np.ndarray
-) -> tuple[int, float, float]:
-    """The most significant step of values (n,) beside `smooth` ones (n, m): place, size, std.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Significance and size of a step at each of the values (n,) beside `smooth` ones (n, m).
 
     `change`: of the values by a step of one; `noise`: standard deviation of each.
     """
-    best = (0, 0.0, np.inf)
+    sure, size = np.zeros((2, values.size))
     for split in range(ENDS, values.size - ENDS):
         basis = np.column_stack([smooth, np.where(np.arange(values.size) >= split, change, 0.0)])
         basis = basis / noise[:, None]
@@ -215,9 +219,9 @@ def _step(
         left = values / noise - basis @ fit
         scatter = max(float(np.sum(left**2)) / (values.size - basis.shape[1]), 0.3)
         std = float(np.sqrt(scatter * np.linalg.pinv(basis.T @ basis)[-1, -1]))
-        if std > 0 and abs(fit[-1]) / std > abs(best[1]) / best[2]:
-            best = (split, float(fit[-1]), std)
-    return best
+        if std > 0:
+            sure[split], size[split] = abs(fit[-1]) / std, fit[-1]
+    return sure, size
 
 
 def outline_causes(

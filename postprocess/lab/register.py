@@ -64,7 +64,9 @@ ROUGH, FINE = (3, ROUGH_PX, (6, 20)), (2, FINE_PX, (6, 60))
 LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
 # where the fit begins: durations over the simulation's, scales over the stated one, delays of each,
 # growth of the outline (px; a smaller one tolerates a rough pose and reflections)
-STRETCHES, SCALES = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5), (0.5, 0.7, 1, 1.4, 2)
+STRETCHES = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5, 6.0, 10.0)
+SCALES = (0.5, 0.7, 1, 1.4, 2)
+WRONG = 3.0  # factor of a duration, either way, that no stroke differs by
 DELAYS, GROWN_PX = 140, -3.0
 MIRRORED = 1.3  # times the evidence, from which the finger bends to the other side
 
@@ -217,6 +219,10 @@ def fit_pictures(
         few = shapes.thinned(every)
         if number == 0:
             first = _beginning(frames, few, state, about[DELAY])
+            # of a clock that is wrong by a factor: the weak prior would pull the fit away from it
+            if not 1 / WRONG < first[LAW.stop - 1] < WRONG:
+                state[LAW.stop - 1] = first[LAW.stop - 1]
+                about[LAW.stop - 1] = LAW_STD * first[LAW.stop - 1]
         elif (every, blur_px, sweeps) == FINE:
             begin[:4] /= FINER
         samples = fit_outline(
