@@ -24,8 +24,8 @@ _USED_BY = ("fea", "structure")  # of motion.source
 
 def _further(scene: Scene, states: BendingStates) -> tuple[float, ...]:
     """Turns (rad) that the loads of modelled water need beyond the table of the states."""
-    if scene.motion.source not in _USED_BY or scene.body is not None:
-        return ()
+    if scene.motion.source not in _USED_BY or scene.body is not None or len(states.pressure) < 2:
+        return ()  # a single state is no motion
     try:
         share = modelled_share(scene, states)
     except StageError:  # of a scene that is not complete yet

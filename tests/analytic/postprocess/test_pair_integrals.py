@@ -7,6 +7,7 @@ import pytest
 from piv.formats.plane_series import make_plane
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import pair_integrals as integrals
+from postprocess.evidence.tip_vortex import of_disc
 
 WIDTH = 0.0167
 TIPS = np.array([[[-0.010, 0.18], [0.010, 0.18]]])
@@ -39,7 +40,7 @@ DORSAL, VENTRAL = (-0.016, 0.155, -100e-4, 0.004), (-0.008, 0.200, 30e-4, 0.003)
 def found(*vortices):
     """The pairs among the vortices of a plane."""
     series = plane(*vortices)
-    return integrals.pair_integrals(series, tabulate_vortices(series))
+    return integrals.pair_integrals(series, of_disc(tabulate_vortices(series)))
 
 
 def test_both_pairs_are_told_apart_and_measured():
