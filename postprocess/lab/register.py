@@ -240,6 +240,11 @@ def fit_pictures(
         scatter = np.sqrt(max(np.mean((singles[0] - law) ** 2 - std[0] ** 2), (TIED * span) ** 2))
         at_rest = np.abs(law - kinematics.law(kinematics.time[0])) < REST * span
         apart = np.where(at_rest, min(scatter, REST_STD * span), scatter)
+    if not np.hypot(*(first[:2] - pose.at_px)) < max(recording.shape):
+        raise StageError(
+            "the finger is not found in the pictures: no outline near axes.root_px explains them;"
+            " correct root_px, scale_mm_per_px or frame_rate_hz"
+        )
     covariance = np.cov(samples.T)
     ends = 2**0.5 * pose.pixel / kinematics.length
     covariance[: SCALE + 1, : SCALE + 1] += (OUTLINE_STD * np.diag([1, 1, ends, ends])) ** 2
