@@ -18,7 +18,7 @@ TEMPLATES = scene_reference.scene_template(), dpiv_template(None)
 BARE = {
     "recording_factor", "wall_growth", "layer_growth", "wall_grading", "max_courant", "shadow",
     "exponent", "wall_layers", "kpa_per_time", "bits", "format_version", "seed", "every", "frames",
-    "points", "pairs_every", "chambers",
+    "points", "pairs_every", "chambers", "repeats",
 }  # fmt: skip
 
 

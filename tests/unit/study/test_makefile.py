@@ -56,7 +56,7 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "ACCURACY=many"], "ACCURACY=many: give a share"),
         (["single_finger", "BUDGET=1"], "BUDGET=1: give a time"),
         (["fea", "SCENE=pinsh"], "did you mean pinch?"),
-        (["study", "STUDY=no.csv"], "no.csv: no such study"),
+        (["study", "STUDY=no.csv"], "no.csv: no such file; give a table of runs"),
         (["study"], "give STUDY=table.csv"),
         (["single_finger.view", "NP=0"], "NP=0: give 1 or more"),
         (["fea", "SCENE=single_finger", "NP=0"], "NP=0: give 1 or more"),
