@@ -181,6 +181,7 @@ def test_a_stage_without_end_is_ended_and_named(run: Run, monkeypatch) -> None:
 def test_ctrl_c_ends_a_stage_that_does_not_listen(run: Run, monkeypatch) -> None:
     monkeypatch.setattr("pipeline.mesh.stage.run", _spin)
     monkeypatch.setattr("softfinger.make._TIDY", 0.2)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job's ignores Ctrl-C
     interrupt = threading.Timer(2.0, os.kill, (os.getpid(), signal.SIGINT))
     interrupt.start()
     with pytest.raises(KeyboardInterrupt):
