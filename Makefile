@@ -52,7 +52,7 @@ $(READY): requirements.lock softfinger/setup.sh softfinger/command.sh
 	@TYPED= sh softfinger/setup.sh
 	@touch $@
 
-$(SCENES): $(READY) $(if $(filter-out 0 no false,$(SLURM)),.venv-study/.ready)
+$(SCENES): $(READY)
 	@$(RUN) run cases/$@
 
 # Anything else: a stage of a scene, or a name that the program answers.
@@ -66,13 +66,13 @@ fea: $(READY) ## bending states of the actuator of SCENE
 compare: $(READY) ## SCENE against laboratory data: DPIV=folder
 	@$(RUN) compare "cases/$$SCENE"
 
-study: .venv-study/.ready ## the runs of a table: STUDY=my_table.csv
+study: $(READY) ## the runs of a table: STUDY=my_table.csv
 	@$(RUN) study "$$STUDY" $(if $(filter SCENE,$(TYPED)),--scene "cases/$$SCENE")
 
-tradeoff: .venv-study/.ready ## what accuracy costs (hours): ACCURACY and BUDGET need it
+tradeoff: $(READY) ## what accuracy costs (hours): ACCURACY and BUDGET need it
 	@$(RUN) tradeoff "cases/$$SCENE"
 
-validate: .venv-study/.ready ## flows of known answer, and convergence: docs/verification.md (hours)
+validate: $(READY) ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
@@ -90,7 +90,7 @@ bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmark
 	@$(PY) -m docs.evidence.piv
 
 # each with the CPU time that its records or page state; "hours" was never measured nearer
-evidence: .venv-docs/.ready .venv-study/.ready ## all tables and pictures of the docs anew (days)
+evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (days)
 	@$(MAKE) validate                                 # 38 min, and hours of the finger's grids
 	@$(MAKE) bench-piv                                # hours
 	@$(MAKE) tradeoff SCENE=single_finger             # hours

@@ -19,7 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pipeline.openfoam.environment import die_with_parent, environment_in
+from pipeline.openfoam.environment import check_openfoam, die_with_parent
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, targets
 from pipeline.runs.seal import seal
@@ -27,7 +27,7 @@ from pipeline.runs.stages import FEA, Stage
 from pipeline.runs.take_over import take_over
 from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
-from piv.files.errors import StageError, one_line, sentence, system_error
+from piv.files.errors import StageError, one_line, printable, sentence, system_error
 from piv.files.lock import exclusive
 from piv.files.provenance import digest, versions
 from piv.files.record import (
@@ -92,24 +92,27 @@ class _Job:
 
 
 def make(
-    run: Run, target: str, machine: Machine, quiet: bool = False, longest: float = float("inf")
-) -> None:
+    run: Run, target: str, machine: Machine, quiet: bool = False, longest: float = float("inf"),
+    alone: bool = False,
+) -> None:  # fmt: skip
     """Make the stale stages of a target; no stage may take longer than `longest` (s).
 
+    `alone`: make the stage `target` itself; other jobs make its inputs before.
     What the stages print goes to the run's LOG; the lines of the target and warnings are shown.
     StageError with the sentence of the stage that failed, OSError where the machine is the cause;
     RuntimeError for a defect in a stage.
     """
     check_own(run.out)
-    run.check(target)
-    waiting = list(run.stale(target))
+    if not alone:
+        run.check(target)
+    waiting = [target] if alone else list(run.stale(target))
     if "solve" in waiting:
-        environment_in(run.out)  # that OpenFOAM is there and takes this path, before any work
+        check_openfoam(machine.ranks)  # before any work
     if not quiet:
         for remark in run.scene.remarks():
             print(remark, flush=True)
     seconds = {stage: _expected(run, stage, machine) for stage in waiting}
-    shown = targets(target) if target != "report" else []
+    shown = targets(target) if target != "report" and not alone else []
     running: list[_Job] = []
     failed: _Job | None = None
     run.out.mkdir(parents=True, exist_ok=True)
@@ -140,7 +143,7 @@ def make(
                 for job in _finished(running, tell):
                     running.remove(job)
                     failed = failed or (job if job.ended and job.ended[0] else None)
-                    if job.stage == "kinematics" and failed is None:
+                    if job.stage == "kinematics" and failed is None and not alone:
                         run.check(target)  # the tip of an analysed or coupled motion in view
         except BaseException:
             for job in running:  # they clean up; Ctrl-C has reached them too
@@ -303,7 +306,7 @@ class _Lines:
         self._pipe, self._unfinished = pipe, ""
 
     def write(self, text: str) -> int:
-        *lines, self._unfinished = (self._unfinished + text).split("\n")
+        *lines, self._unfinished = (self._unfinished + printable(text)).split("\n")
         for line in lines:
             self._pipe.send(line)
         return len(text)

@@ -23,6 +23,7 @@ _FORWARDED = ("WM_", "FOAM_", "PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS", "MAL
 # glibc keeps the memory of fields, which every step takes and frees
 _MEMORY = {"MMAP_MAX_": "0", "TRIM_THRESHOLD_": "4294967296", "TOP_PAD_": "67108864"}
 _PACKAGED = Path("/usr/share/openfoam")  # Debian's package sets no WM_PROJECT_DIR
+_HERE = "/proc/self/cwd"
 
 
 @cache
@@ -75,18 +76,15 @@ def _sourced(bashrc: Path) -> dict[str, str]:
     return dict(entry.split("=", 1) for entry in text.split("\0") if "=" in entry)
 
 
-def environment_in(folder: Path) -> dict[str, str]:
-    """The environment for a program started in `folder`: OpenFOAM trusts PWD.
+def _program(folder: Path, *words: str) -> list[str]:
+    """The command of one of OpenFOAM's programs that is started in `folder`.
 
-    StageError where the path has a space or a quote, which OpenFOAM would drop.
+    OpenFOAM trusts PWD as the name of its folder, and drops spaces and quotes of it. Where the
+    path has any, PWD is the system's link to the folder in which a process is.
     """
     path = str(folder.resolve())
-    if any(c.isspace() or c in "\"'" for c in path):
-        raise StageError(
-            f"{path}: OpenFOAM reads no path with a space or a quote in it; move the project to one"
-            " without"
-        )
-    return environment() | {"PWD": path}
+    odd = any(c.isspace() or c in "\"'" for c in path)
+    return ["env", f"PWD={_HERE if odd else path}", *words]
 
 
 def die_with_parent() -> None:
@@ -119,15 +117,23 @@ def foam_version() -> str:
     return f"v{number}"
 
 
+def check_openfoam(ranks: int) -> None:
+    """StageError where OpenFOAM, or MPI for `ranks` > 1, is missing or of another kind."""
+    foam_version()
+    if ranks > 1:
+        is_open_mpi()
+
+
 def run_tool(arguments: list[str], case: Path) -> None:
     """Run one of OpenFOAM's utilities in `case`, its output in a log of its name.
 
     StageError with its last lines on failure; OSError where the disk is full.
     """
     path = case / f"log.{arguments[0]}"
+    command = _program(case, *arguments)
     with name_in_errors(path), open(path, "w", encoding="utf-8") as output:
         done = subprocess.run(
-            arguments, cwd=case, env=environment_in(case), stdout=output, stderr=subprocess.STDOUT
+            command, cwd=case, env=environment(), stdout=output, stderr=subprocess.STDOUT
         )
     if done.returncode != 0:
         check_room(case)
@@ -140,10 +146,10 @@ def last_lines(path: Path) -> str:
     return "\n".join(lines[-25:])
 
 
-def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
-    """pimpleFoam, through MPI where `ranks` > 1; in a Slurm job on the cores that it was given."""
+def solver_command(folder: Path, ranks: int, hosts: Path | None = None) -> list[str]:
+    """pimpleFoam in `folder`, by MPI where `ranks` > 1; in a Slurm job on the cores it was given."""
     if ranks == 1:
-        return ["pimpleFoam"]
+        return _program(folder, "pimpleFoam")
     # the environment of a login by ssh on other hosts lacks OpenFOAM's variables
     names = sorted(name for name in environment() if name.startswith(_FORWARDED)) if hosts else []
     if is_open_mpi():
@@ -155,7 +161,7 @@ def solver_command(ranks: int, hosts: Path | None = None) -> list[str]:
         flags += [word for name in names for word in ("-x", name)]
     else:  # Hydra binds no rank and allows more ranks than cores by itself
         flags = ["-f", str(hosts), "-genvlist", ",".join(names)] if hosts else []
-    return ["mpirun", "-np", str(ranks), *flags, "pimpleFoam", "-parallel"]
+    return ["mpirun", "-np", str(ranks), *flags, *_program(folder, "pimpleFoam", "-parallel")]
 
 
 @cache

@@ -17,7 +17,7 @@ from pipeline.case.interval_case import write_numbers
 from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.environment import (
     die_with_parent,
-    environment_in,
+    environment,
     foam_version,
     last_lines,
     solver_command,
@@ -180,9 +180,9 @@ def solve(
     ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(case.ranks, hosts),
+            solver_command(folder, case.ranks, hosts),
             cwd=folder,
-            env=environment_in(folder),
+            env=environment(),
             preexec_fn=die_with_parent,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -8,13 +8,19 @@ import signal
 import stat
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import (
+    AbstractContextManager,
+    nullcontext,
+    redirect_stderr,
+    redirect_stdout,
+    suppress,
+)
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
 from piv.files import __version__
-from piv.files.errors import StageError, sentence, suggestion, system_error
+from piv.files.errors import StageError, printable, sentence, suggestion, system_error
 
 _PROGRAMS = ("softfinger", "piv")
 _LEAST_MEMORY = 2 * 10**9  # bytes of address space; the libraries alone reserve about one
@@ -84,6 +90,25 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a console that has no × prints ?
             stream.reconfigure(errors="replace")
+    with redirect_stdout(_Terminal(sys.stdout)), redirect_stderr(_Terminal(sys.stderr, "\r")):
+        return _ended(name, action, strict)
+
+
+class _Terminal:
+    """A stream on which texts of files and names steer no terminal; `kept`: of progress bars."""
+
+    def __init__(self, stream: Any, kept: str = "\n") -> None:
+        self._stream, self._kept = stream, kept
+        self.rich_proxied_file = stream  # the help has colours
+
+    def write(self, text: str) -> int:
+        return self._stream.write(self._kept.join(map(printable, text.split(self._kept))))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _ended(name: str, action: Callable[[], int | None], strict: bool) -> int:
     begin = f"{name}: " if name else ""
     try:
         return action() or 0
@@ -95,7 +120,7 @@ def guarded(name: str, action: Callable[[], int | None], strict: bool = False) -
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(f"{begin}{message}", file=sys.stderr)
+        print(printable(f"{begin}{message}"), file=sys.stderr)
         return 2
 
 

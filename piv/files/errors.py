@@ -13,11 +13,19 @@ _ADVICE = {
     (errno.EROFS, errno.EACCES, errno.EPERM), "write elsewhere, or make the folder writable"
 )
 
+# control characters, which begin escape sequences, and those that turn the direction of writing
+_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
 
 def one_line(error: BaseException, longest: int = 80) -> str:
     """The error's text on one line, cut to `longest` characters; without a text its kind."""
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
     return " ".join(text.split())[:longest] or type(error).__name__
+
+
+def printable(text: str) -> str:
+    """The text with � for each character that would steer a terminal, but tabs and new lines."""
+    return _STEERING.sub("\ufffd", text)
 
 
 def system_error(error: BaseException) -> int | None:

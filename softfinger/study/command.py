@@ -15,7 +15,8 @@ from piv.files.errors import StageError
 from softfinger.options import CORES, SceneFolder, Slurm, SnakemakeFlags, open_session
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-_SNAKEMAKE = _PACKAGE.parent / ".venv-study" / "bin" / "snakemake"
+_ENVIRONMENT = _PACKAGE.parent / ".venv-study"
+_OF_MAKE = ("TYPED", "MAKEFLAGS", "MAKELEVEL", "MFLAGS")  # values of make are not those of its jobs
 _RETRIES = "5"  # of a job that reaches its time limit; it resumes
 
 
@@ -77,13 +78,12 @@ def schedule(plan: Path, slurm: bool, flags: str = "") -> int:
 
     if not has_jobs(plan):
         return 0
-    program = str(_SNAKEMAKE) if _SNAKEMAKE.exists() else shutil.which("snakemake")
-    if program is None:
-        raise StageError("Snakemake is missing; run make .venv-study/.ready, or install it")
+    if slurm and shutil.which("sbatch") is None:
+        raise StageError("SLURM=1: there is no sbatch here; leave it out, or load Slurm")
+    environment = {name: value for name, value in os.environ.items() if name not in _OF_MAKE}
+    program = _snakemake(environment)
     words = [program, "-s", str(_PACKAGE / "study" / "Snakefile"), *shlex.split(flags)]
     if slurm:
-        if shutil.which("sbatch") is None:
-            raise StageError("SLURM=1: there is no sbatch here; leave it out, or load Slurm")
         words += ["--executor", "slurm", "--slurm-requeue", "-j100"]
         words += [] if "--retries" in words else ["--retries", _RETRIES]
     else:
@@ -91,4 +91,17 @@ def schedule(plan: Path, slurm: bool, flags: str = "") -> int:
     words += ["--config", f"plan={plan}", f"python={sys.executable}"]
     if not {"-n", "--dry-run", "--dryrun"} & set(words):
         clear_records(plan)
-    return subprocess.run(words, check=False).returncode
+    return subprocess.run(words, check=False, env=environment).returncode
+
+
+def _snakemake(environment: dict[str, str]) -> str:
+    """The program Snakemake; a clone installs the one of its lock first. StageError without one."""
+    if (_PACKAGE.parent / "Makefile").is_file():
+        ready = f"{_ENVIRONMENT.name}/.ready"
+        words = ["make", "--no-print-directory", "-C", str(_PACKAGE.parent), ready]
+        if subprocess.run(words, check=False, env=environment).returncode:
+            raise StageError(f"Snakemake cannot be installed; run make {ready} to see why")
+        return str(_ENVIRONMENT / "bin" / "snakemake")
+    if (program := shutil.which("snakemake")) is None:
+        raise StageError("Snakemake is missing; install it")
+    return program

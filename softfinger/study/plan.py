@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.formats.records import STUDY_PLAN
+from pipeline.openfoam.environment import check_openfoam
 from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run, run_of
 from pipeline.runs.stages import BY_NAME
 from piv.files.errors import StageError
 from piv.files.record import check_own, forget, record_path
-from softfinger.make import Machine, make_stage
+from softfinger.make import Machine, make
 from softfinger.study.outcome import OUTCOME, outcome_digest, outcome_is_there, write_outcome
 from softfinger.study.rows import Row
 
@@ -63,8 +64,11 @@ def plan_scene(folder: Path, level: str, ranks: int) -> Path:
 
 
 def has_jobs(plan: Path) -> bool:
-    """Whether anything is left to make of a plan."""
-    return bool(STUDY_PLAN.read(plan)["jobs"])
+    """Whether anything is left to make of a plan; StageError where OpenFOAM is missing for it."""
+    jobs = STUDY_PLAN.read(plan)["jobs"].values()
+    if solved := [job["ranks"] for job in jobs if job["stage"] in ("solve", OUTCOME)]:
+        check_openfoam(max(solved))
+    return bool(jobs)
 
 
 def clear_records(plan: Path) -> None:
@@ -83,7 +87,7 @@ def run_job(plan: Path, name: str, stage: str, threads: int) -> None:
         run = run_of(about)
         if stage == "mesh":
             run.check(about["until"])  # once the motion is known
-        make_stage(run, stage, machine, quiet=True)
+        make(run, stage, machine, quiet=True, alone=True)
 
 
 def describe(home: Path, study: str, row: Row, compared: bool = False) -> dict[str, Any]:

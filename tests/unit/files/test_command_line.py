@@ -39,6 +39,9 @@ class Command:
         (FileNotFoundError(2, "No such file", "a.h5"), 2, "p act: a.h5: No such file\n"),
         (ValueError("a.h5: no number"), 2, "p act: a.h5: no number\n"),
         (KeyboardInterrupt(), 130, f"p act: {INTERRUPTED}"),
+        # an escape sequence, a line that overwrites another, and text from right to left
+        (StageError("a\x1b[2J\u202e: bad"), 2, "p act: a\ufffd[2J\ufffd: bad\n"),
+        (FileNotFoundError(2, "No such file", "a\r\x9b"), 2, "p act: a\ufffd\ufffd: No such file\n"),
     ],
 )
 def test_how_a_command_ends(end, code, said, capsys):
@@ -72,6 +75,13 @@ def test_an_option_that_only_the_help_speaks_of_is_not_proposed(capsys):
         with pytest.raises(SystemExit):
             command_line("p", None, {"act": ("act", command)}, ["act", given])
         assert f"unrecognized arguments: {given}{end} (--help" in capsys.readouterr().err
+
+
+def test_what_a_command_prints_of_files_steers_no_terminal(capsys):
+    command = Command(None)
+    command.run = lambda args: print("title\x1b]0;x\x07\tof a\r\u2066 scene")
+    assert command_line("p", None, {"act": ("act", command)}, ["act"]) == 0
+    assert capsys.readouterr().out == "title\ufffd]0;x\ufffd\tof a\ufffd\ufffd scene\n"
 
 
 def test_a_defect_keeps_its_traceback():

@@ -140,39 +140,51 @@ def test_an_old_or_foreign_version_is_refused(installed, banner, found):
         openfoam.foam_version()
 
 
-def test_ranks_on_other_hosts_get_the_environment_they_need(installed):
+def test_ranks_on_other_hosts_get_the_environment_they_need(installed, tmp_path):
     """mpirun by ssh forwards nothing, and Debian's OpenFOAM needs WM_PROJECT_DIR."""
     installed()
-    command = openfoam.solver_command(8, "hosts.txt")
+    command = openfoam.solver_command(tmp_path, 8, "hosts.txt")
     forwarded = [command[k + 1] for k, word in enumerate(command) if word == "-x"]
     assert {"WM_PROJECT_DIR", "PATH", "OMP_NUM_THREADS", "MALLOC_MMAP_MAX_"} <= set(forwarded)
     assert command[command.index("--hostfile") + 1] == "hosts.txt"
     assert command[-2:] == ["pimpleFoam", "-parallel"]
-    assert "-x" not in openfoam.solver_command(8)
+    assert "-x" not in openfoam.solver_command(tmp_path, 8)
 
 
-def test_mpich_gets_its_own_options(installed):
+def test_mpich_gets_its_own_options(installed, tmp_path):
     installed(V1912, "HYDRA build details:")
-    assert openfoam.solver_command(2) == ["mpirun", "-np", "2", "pimpleFoam", "-parallel"]
-    command = openfoam.solver_command(8, "hosts.txt")
+    named = ["env", f"PWD={tmp_path}", "pimpleFoam", "-parallel"]
+    assert openfoam.solver_command(tmp_path, 2) == ["mpirun", "-np", "2", *named]
+    command = openfoam.solver_command(tmp_path, 8, "hosts.txt")
     assert command[3:5] == ["-f", "hosts.txt"]
     assert {"WM_PROJECT_DIR", "PATH"} <= set(command[command.index("-genvlist") + 1].split(","))
 
 
-def test_an_unknown_mpi_is_one_sentence(installed):
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize("name", ["a b", "o'brien", 'q"q', "a\nb"])
+def test_a_folder_that_openfoam_cannot_name_is_its_working_folder(tmp_path, name):
+    """It drops spaces and quotes of PWD, then finds no case; so it gets a name without them."""
+    case = tmp_path / name
+    case.mkdir()
+    (case / "here").touch()
+    openfoam.run_tool(["sh", "-c", 'echo "$PWD"; ls "$PWD/"'], case)
+    assert (case / "log.sh").read_text().split() == ["/proc/self/cwd", "here", "log.sh"]
+
+
+def test_an_unknown_mpi_is_one_sentence(installed, tmp_path):
     installed(V1912, "some other launcher")
     with pytest.raises(StageError, match="unknown MPI"):
-        openfoam.solver_command(2)
+        openfoam.solver_command(tmp_path, 2)
 
 
-def test_mpirun_sees_no_slurm_job_without_its_nodes(monkeypatch, installed):
+def test_mpirun_sees_no_slurm_job_without_its_nodes(monkeypatch, installed, tmp_path):
     """Snakemake's jobs keep some of Slurm's variables; mpirun would fail without the others."""
     installed()
     monkeypatch.setenv("SLURM_JOB_ID", "7")
     assert not [name for name in openfoam.environment() if name.startswith("SLURM_")]
-    assert "--oversubscribe" in openfoam.solver_command(2)
+    assert "--oversubscribe" in openfoam.solver_command(tmp_path, 2)
     openfoam.environment.cache_clear()
     monkeypatch.setenv("SLURM_NODELIST", "vm")
     monkeypatch.setenv("SLURM_TASKS_PER_NODE", "2")
     assert openfoam.environment()["SLURM_JOB_ID"] == "7"
-    assert "--oversubscribe" not in openfoam.solver_command(2)
+    assert "--oversubscribe" not in openfoam.solver_command(tmp_path, 2)

@@ -1,6 +1,7 @@
 """A study's table: its rows, the jobs that are left, what runs share, how a run may end."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from piv.files.errors import StageError
 from piv.files.record import read_record
 from softfinger import __main__ as program
 from softfinger.make import Machine, make
+from softfinger.study.command import schedule
 from softfinger.study.outcome import write_outcome
 from softfinger.study.plan import describe, plan_study, run_job
 from softfinger.study.rows import parse_cell, read_study
@@ -168,6 +170,45 @@ def test_a_stage_that_hangs_is_ended(tmp_path: Path) -> None:
     run = run_of(describe(CASES / "single_finger", "s", row))
     with pytest.raises(StageError, match="is not over after"):
         make(run, "mesh", Machine(), quiet=True, longest=0.01)
+
+
+def _endless(scene, quiet) -> None:
+    while True:
+        pass
+
+
+def test_a_job_of_snakemake_without_end_is_ended(tmp_path: Path, monkeypatch) -> None:
+    scene = write_scene(tmp_path / "small")
+    plan = planned(scene.folder, "a, tiny, kinematics, , , , , \n")
+    monkeypatch.setattr("pipeline.kinematics.stage.run", _endless)
+    monkeypatch.setattr("softfinger.make.cpu_limit", lambda run, stage: 1.0)
+    with pytest.raises(StageError, match=r"^kinematics: is not over after .* minutes of CPU time"):
+        run_job(plan["path"], "a", "kinematics", 1)
+
+
+def test_a_study_without_openfoam_is_refused_before_anything_runs(tmp_path, monkeypatch) -> None:
+    scene = write_scene(tmp_path / "small")
+    plan = planned(scene.folder, "a, tiny, solve, 2, , , , \n")
+
+    def missing(ranks: int) -> None:
+        raise StageError(f"no OpenFOAM for {ranks} ranks")
+
+    monkeypatch.setattr("softfinger.study.plan.check_openfoam", missing)
+    monkeypatch.setattr("subprocess.run", lambda *_, **__: pytest.fail("something runs"))
+    with pytest.raises(StageError, match="no OpenFOAM for 2 ranks"):
+        schedule(plan["path"], slurm=False)
+
+
+def test_values_of_make_are_not_those_of_its_jobs(tmp_path, monkeypatch) -> None:
+    """`make study NP=1`: every job said that it does not use NP."""
+    scene, ran = write_scene(tmp_path / "small"), []
+    plan = planned(scene.folder, "a, tiny, kinematics, , , , , \n")
+    monkeypatch.setenv("TYPED", "NP")
+    done = subprocess.CompletedProcess([], 0)
+    monkeypatch.setattr("subprocess.run", lambda words, **more: ran.append(more["env"]) or done)
+    assert schedule(plan["path"], slurm=False) == 0
+    assert ran
+    assert all("TYPED" not in environment for environment in ran)
 
 
 def test_snakemakes_settings_lie_where_it_looks_for_them() -> None:
