@@ -147,7 +147,7 @@ def last_lines(path: Path) -> str:
 
 
 def solver_command(folder: Path, ranks: int, hosts: Path | None = None) -> list[str]:
-    """pimpleFoam in `folder`, by MPI where `ranks` > 1; in a Slurm job on the cores it was given."""
+    """pimpleFoam in `folder`, by MPI where `ranks` > 1; in a Slurm job on the cores of the job."""
     if ranks == 1:
         return _program(folder, "pimpleFoam")
     # the environment of a login by ssh on other hosts lacks OpenFOAM's variables

@@ -14,11 +14,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from docs.evidence.faults.project import difference, small_run
 from pipeline.runs.run import Run, targets
@@ -31,6 +33,7 @@ TARGETS = list(dict.fromkeys(stage.group or stage.name for stage in STAGES))  # 
 COLUMNS = ("stage", "fault", "times", "completed", "refused", "recomputed", "wrong", "sentence")
 FULL = 12  # KiB that a full disk has left: no stage's results fit
 LONGEST = 1800.0  # s of a stage, on a busy machine
+COUPLED_RUN = "solve, coupled"
 Row = dict[str, Any]
 Answer = tuple[int, str]  # 0: completed, 2: refused in one sentence, 1: in another way; the text
 READ = {  # files of earlier stages than those that a stage names as its inputs
@@ -340,42 +343,56 @@ def swapped(
 
 
 def odd_paths(at: Campaign) -> Iterator[Row]:
-    """A folder with a space, which OpenFOAM cannot read, and one with other letters."""
-    for fault, name, allowed in (
-        ("letters beyond ASCII in the path", "Größe-測定", 0),
-        ("a space in the path", "my project", 2),
+    """Folders whose names OpenFOAM, or a console, cannot write."""
+    for fault, name in (
+        ("letters beyond ASCII in the path", "Größe-測定"),
+        ("spaces and quotes in the path", "o'brien's \"lab\""),
     ):
         run = small_run(at.folder / name / "small")
-        for target, code in (("sheet", allowed), ("piv", 0)):
-            if target == "piv":  # PIV needs no OpenFOAM: it works in any folder
-                shutil.copytree(at.folder / "before" / "piv", run.out, dirs_exist_ok=True)
-            answer = at.make(target, run).answer()
-            wrong = "" if answer[0] == code else f"ended with {answer[0]}"
-            if answer[0] == 0:
-                wrong = wrong or difference(at.wanted, run.out, [target])
-            yield at.row(target, fault, [answer], wrong)
+        answer = at.make("sheet", run).answer()
+        wrong = "" if answer[0] == 0 else f"ended with {answer[0]}"
+        yield at.row("sheet", fault, [answer], wrong or difference(at.wanted, run.out, ["sheet"]))
 
 
-def of_processes(at: Campaign, chosen: list[str], count: int, seed: int) -> Iterator[Row]:
-    """Kills, of a coupled run too, two makes at once, odd paths."""
+def of_kills(at: Campaign, chosen: list[str], count: int, seed: int) -> Iterator[Row]:
+    """Kill each target, a coupled run too, and make each twice at once."""
     for target in chosen:
         yield kills(at, target, count, seed)
         yield twice(at, target)
     if "solve" in chosen:
         coupled = Campaign(at.folder / "coupled", "solve", coupled=True)
-        yield kills(coupled, "solve", 2 * count, seed) | {"stage": "solve, coupled"}
-    yield from odd_paths(at)
+        yield kills(coupled, "solve", 2 * count, seed) | {"stage": COUPLED_RUN}
 
 
-def of_files(at: Campaign, chosen: list[str]) -> Iterator[Row]:
-    """Full disks, damaged inputs, and inputs of other runs."""
-    yield from disks(at, chosen)
-    for target in chosen:
-        yield from damaged(at, target)
+def foreign(at: Campaign, chosen: list[str]) -> Iterator[Row]:
+    """Replace the inputs of targets by those of other runs, with their records."""
+    readers = [stage for target in chosen for stage in targets(target)]
+    read = [name for name in BY_NAME if any(name in BY_NAME[r].inputs for r in readers)]
     for name, run in (
         ("another scene", small_run(at.folder / "other" / "small", pressure=14.0)),
         ("another level", small_run(at.folder / "small", "other")),
     ):
-        code, text = at.make("report", run).answer()
+        code, text = at.make(at.chosen[-1], run).answer()
         assert code == 0, text
-        yield from swapped(at, run.out, name, [s.name for s in STAGES[:-1]], [*BY_NAME])
+        yield from swapped(at, run.out, name, read, readers)
+
+
+# by name: the rows of each part of the campaign, and what it does to some targets
+PARTS: dict[str, tuple[str, Callable[[Campaign, list[str], int, int], Iterator[Row]]]] = {
+    "kills": ("killed|two makes at once", of_kills),
+    "paths": (".* in the path", lambda at, *_: odd_paths(at)),
+    "disks": ("disk .*", lambda at, chosen, *_: disks(at, chosen)),
+    "damaged": ("damaged .*", lambda at, chosen, *_: chain(*(damaged(at, t) for t in chosen))),
+    "foreign": (".* of another .*", lambda at, chosen, *_: foreign(at, chosen)),
+}
+
+
+def replaced(old: pd.DataFrame, parts: list[str], chosen: list[str]) -> pd.DataFrame:
+    """The rows of an earlier table that these parts on these targets do not make anew."""
+    stages = {stage for target in TARGETS for stage in (target, *targets(target))}
+    anew = {stage for target in chosen for stage in (target, *targets(target))}
+    anew |= {COUPLED_RUN} if "solve" in chosen else set()
+    fault, stage = old["fault"], old["stage"]
+    made = [fault.str.fullmatch(PARTS[part][0]) & (stage.isin(anew) | (part == "paths"))
+            for part in parts]  # fmt: skip
+    return old[stage.isin(stages | {COUPLED_RUN}) & ~np.logical_or.reduce(made)]

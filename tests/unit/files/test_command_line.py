@@ -41,7 +41,7 @@ class Command:
         (KeyboardInterrupt(), 130, f"p act: {INTERRUPTED}"),
         # an escape sequence, a line that overwrites another, and text from right to left
         (StageError("a\x1b[2J\u202e: bad"), 2, "p act: a\ufffd[2J\ufffd: bad\n"),
-        (FileNotFoundError(2, "No such file", "a\r\x9b"), 2, "p act: a\ufffd\ufffd: No such file\n"),
+        (FileNotFoundError(2, "No file", "a\r\x9b"), 2, "p act: a\ufffd\ufffd: No file\n"),
     ],
 )
 def test_how_a_command_ends(end, code, said, capsys):
