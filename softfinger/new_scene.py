@@ -12,7 +12,6 @@ import numpy as np
 
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
-from pipeline.formats.user_tables import read_history
 from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
@@ -25,6 +24,7 @@ from pipeline.scene.sections import SMOOTHING
 from pipeline.structure.finger import ElasticFinger, modelled_speed
 from piv.files.atomic import write_text
 from piv.files.errors import StageError
+from piv.formats.user_tables import read_history
 
 PARENT = Path("cases/single_finger")
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.formats.user_tables import read_history
 from pipeline.runs.run import open_run
 from piv.files.atomic import sha256
 from piv.files.errors import StageError, sentence
 from piv.files.record import forget, record_path
+from piv.formats.user_tables import read_history
 from softfinger.make import Machine, make
 from tests.conftest import write_scene
 

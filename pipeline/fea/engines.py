@@ -12,9 +12,9 @@ from pipeline.fea.imported.nodes import read_nodes
 from pipeline.fea.imported.series import read_vtk, read_xdmf
 from pipeline.fea.settings import Actuator, Fea, Import
 from pipeline.formats.bending_states import BendingStates
-from pipeline.formats.user_tables import read_table
 from piv.files.errors import StageError
 from piv.files.provenance import versions
+from piv.formats.user_tables import read_table
 
 LIBRARIES = ("felupe", "gmsh", "meshio", "numpy", "pyvista", "scipy", "tensortrax")
 READERS = {".csv": read_nodes, ".pvd": read_vtk, ".vtu": read_vtk, ".xdmf": read_xdmf}

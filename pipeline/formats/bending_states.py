@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pipeline.formats.user_tables import read_columns
 from piv.files.errors import StageError
 from piv.files.schema import Schema, variables
+from piv.formats.user_tables import read_columns
 
 FloatArray = NDArray[np.float64]
 SCHEMA = Schema(

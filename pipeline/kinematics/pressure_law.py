@@ -7,9 +7,9 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from pipeline.formats.user_tables import read_history
 from pipeline.scene.sections import SMOOTHING
 from piv.files.errors import StageError
+from piv.formats.user_tables import read_history
 
 _ATMOSPHERE = 90e3  # Pa, or more: at rest no finger has so much
 _FEWEST = 3  # rows of a long table within the run; fewer are a sign of times in ms

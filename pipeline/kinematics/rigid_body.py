@@ -8,11 +8,11 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-from pipeline.formats.user_tables import read_history
 from pipeline.kinematics.pressure_law import history_law, smooth_step
 from pipeline.kinematics.shape_checks import check_motion, check_number
 from pipeline.scene.rigid_body import Law, RigidBody
 from pipeline.scene.sections import Motion
+from piv.formats.user_tables import read_history
 
 _SAMPLES_PER_SMOOTHING = 200  # a cubic spline through them is exact to 1e-9 of the law's step
 

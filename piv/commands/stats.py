@@ -8,11 +8,12 @@ import xarray as xr
 from numpy import ndarray
 
 from piv.commands.settings import add_paths, at_least
-from piv.fields.groups import at_instants, bins, phases, read_columns, trigger_phases
+from piv.fields.groups import at_instants, bins, phases, trigger_phases
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import absent, write_plane
+from piv.formats.user_tables import read_columns
 
 _PHASES = 16  # of an average over a period
 
@@ -102,7 +103,9 @@ def _groups_of(
             )
     elif args.triggers is not None:
         path, column = args.triggers
-        turned = trigger_phases(times, read_columns(path, column)[0])
+        turned = trigger_phases(
+            times, read_columns(Path(path), [column], None).numbers([column]).ravel()
+        )
     else:
         return None, None, ""
     number = _PHASES if args.phases is None else args.phases
@@ -112,7 +115,8 @@ def _groups_of(
 def quantity(args: argparse.Namespace, series: xr.Dataset) -> ndarray:
     """What --by names, at each instant."""
     if args.table is not None:
-        time, values = read_columns(args.table, "time", args.by)
+        names = ["time", args.by]
+        time, values = read_columns(args.table, names, None).numbers(names).T
         return at_instants(series["time"].values, time, values)
     if args.by not in series or series[args.by].dims[:1] != ("time",):
         raise ValueError(

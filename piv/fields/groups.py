@@ -1,12 +1,7 @@
 """Groups of instants: by phase of a period, between triggers, or by a quantity's value."""
 
-from pathlib import Path
-
 import numpy as np
-import pandas as pd
 from numpy import ndarray
-
-from piv.files.errors import one_line
 
 
 def phases(times: ndarray, period: float, start: float = 0.0) -> ndarray:
@@ -39,25 +34,6 @@ def bins(values: ndarray, edges: ndarray) -> tuple[ndarray, ndarray]:
     number[values == edges[-1]] = edges.size - 2
     number[~((values >= edges[0]) & (values <= edges[-1]))] = -1
     return number, 0.5 * (edges[:-1] + edges[1:])
-
-
-def read_columns(path: str | Path, *names: str) -> list[ndarray]:
-    """Columns of a CSV with one line of names and # comments; ValueError in one sentence."""
-    try:
-        table = pd.read_csv(path, comment="#", skipinitialspace=True)
-    except ValueError as error:
-        raise ValueError(f"{path}: not a readable table ({one_line(error)})") from None
-    columns = []
-    for name in names:
-        if name not in table:
-            raise ValueError(
-                f"{path}: no column {name!r}; there are {', '.join(map(str, table.columns))}"
-            )
-        column = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-        if not np.isfinite(column).all():
-            raise ValueError(f"{path}: column {name!r} holds other than finite numbers")
-        columns.append(column)
-    return columns
 
 
 def at_instants(times: ndarray, table_times: ndarray, values: ndarray) -> ndarray:

@@ -1,7 +1,6 @@
 """Masks: bool arrays in image order, True = body (takes no part in correlation)."""
 
 import math
-import re
 from pathlib import Path
 
 import cv2
@@ -10,6 +9,7 @@ import xarray as xr
 from numpy import ndarray
 
 from piv.compiled import compiled
+from piv.formats.user_tables import read_table
 from piv.images.open_recording import row_to_y_px
 
 # of particle images to a body: below it a threshold would cut the light sheet's own shade
@@ -76,17 +76,14 @@ def _inside_polygon(polygon, x, y, near):
 
 def read_polygon(path: str | Path) -> ndarray:
     """Corners x, y (px, y up) from a CSV file of two numbers a line, with or without names."""
-    try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-        named = bool(lines) and bool(re.fullmatch(r"\s*[A-Za-z_]+\s*,\s*[A-Za-z_]+\s*", lines[0]))
-        corners = np.loadtxt(lines[named:], delimiter=",", comments="#", ndmin=2)
-    except ValueError as error:
-        raise ValueError(f"{path}: expected two numbers a line, x and y in px ({error})") from None
-    if corners.shape[1] != 2 or len(corners) < 3:
+    table = read_table(Path(path), "x,y in px", names=("x", "y"))
+    width = len((table.rows or [[]])[0])
+    if width != 2 or len(table.rows) < 3:
         raise ValueError(
-            f"{path}: expected at least 3 lines of x and y in px, got shape {corners.shape}"
+            f"{path}: has {len(table.rows)} rows of {width} numbers; give x and y in px of at least"
+            " 3 corners"
         )
-    return corners
+    return table.numbers()
 
 
 def read_mask(path: str | Path, shape: tuple[int, int]) -> ndarray:

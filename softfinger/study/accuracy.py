@@ -1,6 +1,5 @@
 """Choose the settings of a run by accuracy or time, from the measurements of make tradeoff."""
 
-import csv
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from pipeline.scene.scene import Scene, load_scene
 from piv.files.errors import StageError
 from piv.files.json_text import parse_json
 from piv.files.record import read_record
+from piv.formats.user_tables import read_columns
 from softfinger.make import Machine, make
 from softfinger.study.machine_speed import probe
 from softfinger.study.rows import read_study
@@ -150,10 +150,10 @@ def _read_table(path: Path, remedy: str) -> tuple[dict[str, Any], list[dict[str,
     """Head and rows of a CSV file; StageError where it is missing."""
     if not path.exists():
         raise StageError(f"{path}: missing; {remedy}")
-    lines = path.read_text(encoding="utf-8").splitlines()
-    heads = [parse_json(line[1:], path, remedy) for line in lines if line.startswith("#")]
-    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-    return (heads or [{}])[0], list(rows)
+    table = read_columns(path, ["run"], None)
+    first = path.read_text(encoding="utf-8").partition("\n")[0]
+    head = parse_json(first[1:], path, remedy) if first.startswith("#") else {}
+    return head, [dict(zip(table.names, row, strict=True)) for row in table.rows]
 
 
 def parse_accuracy(text: str) -> float:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.formats.user_tables import read_columns
 from pipeline.runs.stages import FEA, TARGETS
 from piv.files.errors import StageError
 from piv.files.record import NAME
+from piv.formats.user_tables import read_columns
 
 _OWN_COLUMNS = {"run", "scene", "level", "ranks", "until", "may_fail"}
 

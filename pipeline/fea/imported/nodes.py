@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.fea.imported.importing import Fields
 from pipeline.fea.settings import Import
-from pipeline.formats.user_tables import read_columns
+from piv.formats.user_tables import read_columns
 
 COLUMNS = ("pressure_kpa", "instance", "node", "x", "y", "z", "u1", "u2", "u3", "profile")
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.formats.user_tables import read_columns, read_history
 from pipeline.kinematics.pressure_law import measured_law
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.files.regular import read_regular
+from piv.formats.user_tables import read_columns, read_history
 from softfinger.study.rows import read_study
 from tests.conftest import write_scene
 
@@ -53,7 +53,7 @@ def test_a_table_of_a_laboratory_is_read(tmp_path: Path, content: bytes) -> None
         (joined("t;p", "0;0", "1;10,000"), "the comma of '10,000' may be a decimal comma or sep"),
         (joined("t;p", "0,5;0", "1;10.5"), "may be a decimal comma"),
         (joined("t,p", "0,0", "0,04,1234,5"), "line 3: .* has 4 cells, .* need semicolons"),
-        (joined("t,p"), "has 0 rows of 2 numbers"), (b"", "has 0 rows of 0 numbers"),
+        (joined("t,p"), "has 0 rows of 2 numbers"), (b"", "has 0 rows of 2 numbers"),
         (joined("t,p", "0,0", "", "0.1,oops"), "line 4, column p: 'oops' is not a finite number"),
         (joined("t,p", "0,0", "0.1,"), "line 3, column p: '' is not a finite number"),
         (joined("t,p", "0,0", '0.1,"1'), "line 3: unexpected end of data"),

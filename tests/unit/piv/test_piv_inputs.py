@@ -69,9 +69,16 @@ def test_a_polygon_may_have_a_line_of_names(tmp_path):
     path = tmp_path / "body.csv"
     path.write_text("x_px, y_px\n0, 0\n10, 0\n10, 5\n")
     assert read_polygon(path).tolist() == [[0, 0], [10, 0], [10, 5]]
-    path.write_text("x_px, y_px\n0, 0\n10, zero\n10, 5\n")
-    with pytest.raises(ValueError, match="expected two numbers a line"):
-        read_polygon(path)
+    path.write_text("\ufeffx;y\n0,5;0\n10;0\n10;5\n", encoding="utf-8")  # a spreadsheet's
+    assert read_polygon(path).tolist() == [[0.5, 0], [10, 0], [10, 5]]
+    for text, words in (
+        ("x_px, y_px\n0, 0\n10, zero\n10, 5\n", r"line 3, column y_px: 'zero' is not a finite"),
+        ("0,0\n1,1\n", "has 2 rows of 2 numbers; give x and y in px of at least 3 corners"),
+        ("", "has 0 rows of 0 numbers"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ValueError, match=words):
+            read_polygon(path)
 
 
 def test_a_mask_that_may_be_inverted_asks(pair, tmp_path, capsys):

@@ -50,7 +50,7 @@ def test_phase_average_then_vorticity_and_streamlines(file, tmp_path):
     words = ("--quiet", "--streamlines", "--every", 10)
     assert piv("animate", tmp_path / "d.h5", "-o", tmp_path / "a.gif", *words) == 0
     triggers = tmp_path / "t.csv"
-    triggers.write_text("pulse\n" + "\n".join(map(str, np.arange(0, 0.81, 0.2))))
+    triggers.write_text("\ufeffpulse\n" + "\n".join(map(str, np.arange(0, 0.81, 0.2))))
     made("stats", file, "-o", tmp_path / "q.h5", "--triggers", triggers, "pulse", "--phases", 20)
     with read_plane(tmp_path / "p.h5") as p, read_plane(tmp_path / "q.h5") as q:
         np.testing.assert_allclose(p["u"], q["u"], atol=1e-9)

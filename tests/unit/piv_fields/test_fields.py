@@ -7,7 +7,7 @@ import pytest
 
 from piv.fields import blocks as blocks_module
 from piv.fields.derived import derived, derived_blocks
-from piv.fields.groups import at_instants, bins, phases, read_columns
+from piv.fields.groups import at_instants, bins, phases
 from piv.fields.lines import along_line
 from piv.fields.spectra import density, frequencies_of, space_spectrum, time_spectrum
 from piv.fields.statistics import statistics
@@ -83,15 +83,12 @@ def test_phase_average_of_a_sine_under_noise():
     np.testing.assert_allclose(average["uu"].mean(), 0.01, rtol=0.05)
 
 
-def test_bins_and_columns(tmp_path):
+def test_bins_and_instants():
     number, centres = bins(np.array([-1, 0, 0.9, 1, 2, 3, np.nan]), np.array([0, 1, 2]))
     assert number.tolist() == [-1, 0, 0, 1, 1, -1, -1]
     assert centres.tolist() == [0.5, 1.5]
-    (tmp_path / "t.csv").write_text("# bench\ntime, bend_deg\n0, 0\n1, 10\n")
-    time, bend = read_columns(tmp_path / "t.csv", "time", "bend_deg")
-    np.testing.assert_allclose(at_instants(np.array([0.5, 2.0]), time, bend), [5, np.nan])
-    with pytest.raises(ValueError, match="no column 'angle'; there are time, bend_deg"):
-        read_columns(tmp_path / "t.csv", "angle")
+    bend = at_instants(np.array([0.5, 2.0]), np.array([0.0, 1]), np.array([0.0, 10]))
+    np.testing.assert_allclose(bend, [5, np.nan])
     with pytest.raises(ValueError, match="ascending edges"):
         bins(np.arange(3.0), np.array([1, 0]))
 

@@ -34,9 +34,13 @@ class UserTable:
         k = self.names.index(name)
         return [row[k] for row in self.rows]
 
-    def numbers(self, names: Sequence[str]) -> NDArray[np.float64]:
-        """Finite numbers (row, column) of some columns; StageError with file, line and column."""
-        columns = [self.names.index(name) for name in names]
+    def numbers(self, names: Sequence[str] = ()) -> NDArray[np.float64]:
+        """Finite numbers (row, column) of some columns, or of all.
+
+        StageError with file, line and column.
+        """
+        columns = [self.names.index(name) for name in names] or list(range(len(self.names)))
+        names = names or self.names
         cells = self.plain([[row[k] for k in columns] for row in self.rows])
         try:
             values = np.array(cells, float)
@@ -74,12 +78,14 @@ class UserTable:
         return [[c.translate(signs) if c in known else c for c in row] for row in cells]
 
 
-def read_table(path: Path, contents: str, ragged: bool = False) -> UserTable:
+def read_table(
+    path: Path, contents: str, ragged: bool = False, names: Sequence[str] = ()
+) -> UserTable:
     """A table of columns apart by commas, semicolons or tabs; `contents` tells what to give.
 
     A BOM, quotes, empty lines and comments from # on are accepted; where `ragged`, rows without
-    their last cells too. `names` are the cells of its first row where one of them is no number,
-    else empty. StageError with file, line and remedy.
+    their last cells too. The names of its columns are the cells of its first row where one of them
+    is no number, else `names`. StageError with file, line and remedy.
     """
     try:
         content = read_regular(path)
@@ -114,7 +120,7 @@ def read_table(path: Path, contents: str, ragged: bool = False) -> UserTable:
         rows[-1] += [""] * (len(rows[0]) - len(cells))
     places = [number for number, _ in lines]
     if not rows or all(_POINT.fullmatch(c) or _COMMA.fullmatch(c) for c in rows[0]):
-        return UserTable(path, [], rows, places)
+        return UserTable(path, list(names), rows, places)
     return UserTable(path, rows[0], rows[1:], places[1:])
 
 
@@ -157,8 +163,8 @@ def read_history(path: Path, kind: str, least: int) -> tuple[NDArray[np.float64]
     times, of_time, values, of_value = _KINDS[kind]
     units = f"{next(iter(of_time))} and {next(iter(of_value)).replace('pa', 'Pa')}"
     contents = f"{times[0]},{values[0]} in {units}"
-    table = read_table(path, contents)
-    width = len(table.names or (table.rows or [[]])[0])
+    table = read_table(path, contents, names=(times[0], values[0]))
+    width = len((table.rows or [table.names])[0])
     if width != 2 or len(table.rows) < least:
         raise StageError(
             f"{path}: has {len(table.rows)} rows of {width} numbers; give two columns"
@@ -175,8 +181,7 @@ def read_history(path: Path, kind: str, least: int) -> tuple[NDArray[np.float64]
                 f" {contents}, or with units, as {times[0]} [ms]"
             )
         factors[k] = known[unit]
-    names = table.names or [times[0], values[0]]
-    numbers = UserTable(path, names, table.rows, table.lines).numbers(names) * factors
+    numbers = table.numbers() * factors
     later = np.diff(numbers[:, 0]) > 0
     if not later.all():
         raise StageError(
