@@ -11,7 +11,8 @@ from piv.images.masks import inside_polygon
 from piv.vortices.contour import circle, round_contour
 from piv.vortices.joint_fit import fit_regions
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS
-from piv.vortices.regions import CIRCLE, DISC, Measures, Plane, Region, find_regions
+from piv.vortices.region_measures import CIRCLE, DISC, Measures, Plane
+from piv.vortices.regions import Region, find_regions
 from piv.vortices.settings import VortexSettings
 from piv.vortices.vortex import Vortex
 

@@ -11,7 +11,8 @@ from numpy import ndarray
 
 from piv.compiled import compiled
 from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
-from piv.vortices.regions import OF_PIV, Plane
+from piv.vortices.region_errors import OF_PIV
+from piv.vortices.region_measures import Plane
 from piv.vortices.settings import VortexSettings
 
 

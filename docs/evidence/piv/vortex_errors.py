@@ -17,9 +17,9 @@ from piv.formats.plane_series import make_plane
 from piv.formats.recording import window_of
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
-from piv.vortices.regions import DISC
+from piv.vortices.region_measures import DISC
 
-FIRST, CASES = 80001, 600  # the constants of regions.py were set on seeds below 71000
+FIRST, CASES = 80001, 600  # the constants of region_errors.py were set on seeds below 71000
 MEASURES = ("x", "y", "circulation_disc", "radius", "peak_vorticity")
 Case = tuple[xr.Dataset, tuple[float, float, float, float], float]  # plane, vortex, scale
 
