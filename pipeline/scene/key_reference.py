@@ -184,7 +184,7 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
     """The faults of a table, a sentence for each key; for an unknown one the nearest spelling."""
     sentences = []
     for error in errors:
-        key = ".".join(part for part in (section, *map(str, error["loc"])) if part)
+        key = ".".join(_cut(part) for part in (section, *map(str, error["loc"])) if part)
         key = re.sub(r"\.(\d+)", r"[\1]", key)
         message = error["msg"].removeprefix("Value error, ")
         if error["type"] == "extra_forbidden":
@@ -198,15 +198,14 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
         elif error["type"] in _KINDS:
             message = f"give {_KINDS[error['type']]}"
             if not isinstance(error["input"], dict):
-                message += f" (got {_shortened(error['input'])})"
+                message += f" (got {_cut(repr(error['input']))})"
         elif error["type"] == "missing":
             message = "this key is missing; add it"
         elif error["loc"] and not isinstance(error["input"], dict):
-            message += f" (got {_shortened(error['input'])})"
+            message += f" (got {_cut(repr(error['input']))})"
         sentences.append(f"{key}: {message}" if key else message)
     return sentences
 
 
-def _shortened(value: Any) -> str:
-    text = repr(value)
+def _cut(text: str) -> str:
     return text if len(text) <= _LONGEST else text[:_LONGEST] + "…"

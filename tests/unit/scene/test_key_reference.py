@@ -46,7 +46,7 @@ def test_a_template_filled_in_is_valid_toml_and_asks_for_what_is_required(text):
 
 
 def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(tmp_path):
-    more = "[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1"
+    more = f"[camera]\nscale_mm_px = 0.1\n[piv]\nwindows = 32\nspacing = -1\n{'a' * 3000} = 1"
     with pytest.raises(StageError) as caught:
         write_scene(tmp_path / "s", more=more)
     text = str(caught.value)
@@ -54,6 +54,7 @@ def test_all_that_is_wrong_in_a_scene_is_told_at_once_with_the_nearest_spelling(
     assert "piv.windows: this key is not known; did you mean window?" in text
     assert "piv.spacing: " in text
     assert "\n" not in text
+    assert len(text) < 700  # a name of any length is cut
 
 
 def test_all_that_is_wrong_in_a_dpiv_toml_is_told_at_once(tmp_path):
