@@ -92,8 +92,8 @@ def absent_frames(
     """Frames of `sets[part]` that give no field.
 
     repeats: whether to look for repeated pictures, in `couples` only for the second equal to the
-    first. A picture is repeated whose difference from the one before it is far below that of its
-    neighbours. The answer for a frame does not depend on `part`.
+    first. A picture is repeated whose difference from the one before it is far below those of the
+    pictures before and behind it. The answer for a frame does not depend on `part`.
     """
     first, last, _ = part.indices(len(sets))
     wanted = {i for frames in sets[first:last] for i in frames}
@@ -121,13 +121,20 @@ def absent_frames(
             differences.append(_difference(sample, before[1]))
         before = i, sample
     for k, i in enumerate(compared):
-        others = differences[max(0, k - _AROUND) : k] + differences[k + 1 : k + 1 + _AROUND]
-        usual = sorted(d for d in others if np.isfinite(d))
-        # the lower middle: a film that begins or ends at rest has as many zeros beside a zero
-        if len(usual) > 1 and differences[k] < _REPEATED * usual[(len(usual) - 1) // 2]:
+        sides = differences[max(0, k - _AROUND) : k], differences[k + 1 : k + 1 + _AROUND]
+        # water is at rest before it moves and after it: a repeat differs from both sides, or, where
+        # a film begins or ends, in nothing from the picture before it
+        usual = [m for m in map(_lower_middle, sides) if np.isfinite(m)]
+        limit = _REPEATED * min(usual, default=0.0)
+        if differences[k] < limit and (len(usual) == 2 or differences[k] == 0):
             why = f"{recording.frame_name(i)}: repeats the picture before it"
             found.setdefault(i, Absent(REPEATED, why))
     return {i: found[i] for i in sorted(found) if i in wanted}
+
+
+def _lower_middle(differences: list[float]) -> float:
+    known = sorted(d for d in differences if np.isfinite(d))
+    return known[(len(known) - 1) // 2] if known else np.nan
 
 
 def _difference(a: ndarray | None, b: ndarray | None) -> float:

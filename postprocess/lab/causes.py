@@ -44,6 +44,7 @@ LARGEST = 1.8  # factor by which pressure and duration may differ, either way
 MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 JUMP = 6.0  # standard deviations of a jump: every instant is tried
 MOVED_PX, TURNED = 1.0, 0.01  # px, rad: least jump of the camera
+SHARP = 0.6  # of a camera's jump: the least part of it between the two pictures beside it
 ENDS = 4  # pictures before and behind a jump, at least
 FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
 NOISE = 0.002  # of the range of pressure: what a single picture is not known better than
@@ -175,7 +176,8 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
     noise = np.hypot(fit.singles_std[0], NOISE * span)
     sure, jump = _steps(fit.singles[0] - fit.law, noise, law, slopes[1])
     clock = sure * (np.abs(jump) > 0.7 * fit.interval)
-    drift, pose = lag[:, None] ** np.arange(2), []
+    # where the outline does not explain the pictures, the pose goes with the finger's bend
+    drift, pose = np.column_stack([lag**0, lag, (fit.law - fit.law[0]) / span]), []
     for k, least in enumerate((MOVED_PX, MOVED_PX, TURNED)):
         # single pictures scatter by a third of their standard uncertainties
         seen = fit.singles[k + 1], 0.5 * np.hypot(fit.singles_std[k + 1], 0.1 * least)
@@ -183,6 +185,10 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
     # x, y and angle jump together
     (x, y, turn), moved = (p[1] for p in pose), np.sqrt(sum(p[0] ** 2 for p in pose))
     moved = moved * ((np.hypot(x, y) > MOVED_PX) | (np.abs(turn) > TURNED))
+    # a camera jumps from one picture to the next, such a pose goes over several
+    size = np.stack([x / MOVED_PX, y / MOVED_PX, turn / TURNED])
+    next_to = np.diff(fit.singles[1:] / [[MOVED_PX], [MOVED_PX], [TURNED]], prepend=0.0)
+    moved = moved * (np.sum(size * next_to, axis=0) > SHARP * np.sum(size**2, axis=0))
     camera = moved.max() > clock.max()
     at = int(np.argmax(moved if camera else clock))
     if (moved if camera else clock)[at] <= JUMP:

@@ -205,10 +205,11 @@ def evaluate(
         preset=piv.preset,
         smoothing=piv.smoothing is not False,
     )
-    pairing, every = piv.pairing, piv.every
-    if pairing is None or isinstance(frames, MovedRecording):
-        pairing, every = "1-2,3-4", 1
-    sequence = SequenceOptions(pairing, 0, every, preprocess=piv.preprocess, threads=threads)
+    moved = isinstance(frames, MovedRecording)  # no camera repeats its pictures
+    pairing, every = ("1-2,3-4", 1) if moved or not piv.pairing else (piv.pairing, piv.every)
+    sequence = SequenceOptions(
+        pairing, 0, every, keep_doubles=moved, preprocess=piv.preprocess, threads=threads
+    )
     output.with_name(output.name + ".part").unlink(missing_ok=True)  # of other outlines, perhaps
     correlate_recording(frames, output, options, sequence, quiet=quiet)
     with read_plane(output) as plane:

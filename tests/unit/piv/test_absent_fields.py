@@ -84,6 +84,15 @@ def test_water_that_begins_at_rest_repeats_no_picture(tmp_path):
         assert not absent_frames(recording, sets, slice(None), couples=False, repeats=True)
 
 
+def test_water_at_rest_in_the_first_pair_repeats_no_picture(tmp_path):
+    """Still water differs by the camera's noise alone, here a twentieth of what motion makes."""
+    noise = np.random.default_rng(2).integers(0, 2, SHAPE, np.uint8)
+    source = film(tmp_path / "f", {0: np.maximum(FILM[1], 1) - noise})
+    with open_recording(source) as recording:
+        sets = [(k, k + 1) for k in range(11)]
+        assert not absent_frames(recording, sets, slice(None), couples=False, repeats=True)
+
+
 def test_numbers_of_pairs_are_their_clock(tmp_path):
     for k in (0, 1, 2, 4):
         pair = render(uniform(2, 0), shape=SHAPE, seed=k)
