@@ -92,12 +92,13 @@ def absent_frames(
     """Frames of `sets[part]` that give no field.
 
     repeats: whether to look for repeated pictures, in `couples` only for the second equal to the
-    first. A picture is repeated whose difference from the one before it is far below those of the
-    pictures before and behind it. The answer for a frame does not depend on `part`.
+    first. A picture is repeated whose difference from the one before it is far below that of its
+    neighbours. The answer for a frame does not depend on `part`.
     """
     first, last, _ = part.indices(len(sets))
     wanted = {i for frames in sets[first:last] for i in frames}
-    near = sets[max(0, first - _AROUND - 1) : last + _AROUND + 1] if repeats else sets[first:last]
+    more = 2 * _AROUND + 1 if repeats else 0
+    near = sets[max(0, first - more) : last + more]
     used = sorted({i for frames in near for i in frames})
     check = FrameCheck(recording)
     found: dict[int, Absent] = {}
@@ -120,21 +121,27 @@ def absent_frames(
             compared.append(i)
             differences.append(_difference(sample, before[1]))
         before = i, sample
+    small = [_far_below_others(differences, k) for k in range(len(differences))]
     for k, i in enumerate(compared):
-        sides = differences[max(0, k - _AROUND) : k], differences[k + 1 : k + 1 + _AROUND]
-        # water is at rest before it moves and after it: a repeat differs from both sides, or, where
-        # a film begins or ends, in nothing from the picture before it
-        usual = [m for m in map(_lower_middle, sides) if np.isfinite(m)]
-        limit = _REPEATED * min(usual, default=0.0)
-        if differences[k] < limit and (len(usual) == 2 or differences[k] == 0):
+        first = last = k
+        while first > 0 and small[first - 1]:
+            first -= 1
+        while last + 1 < len(small) and small[last + 1]:
+            last += 1
+        # where a film begins or ends, water may be at rest; a repeat there is equal to the last bit
+        within = first > 0 and last + 1 < len(small)
+        if small[k] and (within or (first == last and differences[k] == 0)):
             why = f"{recording.frame_name(i)}: repeats the picture before it"
             found.setdefault(i, Absent(REPEATED, why))
     return {i: found[i] for i in sorted(found) if i in wanted}
 
 
-def _lower_middle(differences: list[float]) -> float:
-    known = sorted(d for d in differences if np.isfinite(d))
-    return known[(len(known) - 1) // 2] if known else np.nan
+def _far_below_others(differences: list[float], k: int) -> bool:
+    """Whether a difference is small beside those around it: their lower middle."""
+    others = differences[max(0, k - _AROUND) : k] + differences[k + 1 : k + 1 + _AROUND]
+    usual = sorted(d for d in others if np.isfinite(d))
+    # the lower middle: a film that begins or ends at rest has as many zeros beside a zero
+    return len(usual) > 1 and differences[k] < _REPEATED * usual[(len(usual) - 1) // 2]
 
 
 def _difference(a: ndarray | None, b: ndarray | None) -> float:
