@@ -21,7 +21,7 @@ format_version = 4
 title = "vectors"
 kind = "vectors"
 files = "v.h5"
-frame_rate_hz = 100.0
+frame_rate_hz = {rate:g}
 start = {{ at_s = 0.05, std_s = 0.001 }}
 finger_geometry = "measured"
 scale = {{ scale_mm_per_px = 0.25, std_percent = 0.5 }}
@@ -43,7 +43,8 @@ def state_vectors(plane: xr.Dataset, folder: Path, root=(20.0, 15.0)) -> Path:
     """A folder of vectors with their dpiv.toml; `root` (mm) in the plane's axes."""
     folder.mkdir(exist_ok=True)
     write_vectors(plane, folder / "v.h5")
-    (folder / "dpiv.toml").write_text(VECTORS.format(x=root[0], y=root[1]))
+    rate = 1 / float(plane["time"][1] - plane["time"][0])
+    (folder / "dpiv.toml").write_text(VECTORS.format(x=root[0], y=root[1], rate=rate))
     return folder
 
 

@@ -14,15 +14,16 @@ import cv2
 import numpy as np
 from numpy import float32, ndarray
 
-from piv.correlation.deform import Box, Image, Nodes, cut, with_border
-from piv.correlation.interpolate import denser
-from piv.correlation.newton_step import CELL
+from piv.correlation.cell_moments import CELL
+from piv.correlation.newton_step import NEAR, Displacements, measure
+from piv.correlation.nodes import Box, Nodes, cut, denser, with_border
 from piv.correlation.options import Options
-from piv.correlation.passes import NEAR, Displacements, measure
+from piv.correlation.pair_images import Image
 from piv.correlation.uncertainty import (
     LEAST_KEPT,
     Errors,
     correlation_statistics,
+    errors_of,
     noise_budget,
     residual_gradients,
 )
@@ -54,9 +55,23 @@ SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unr
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
 
 
-def separated(nodes: Nodes, v: Displacements, errors: Errors, sigma: float, steps: int) -> Errors:
+def adapt_windows(
+    nodes: Nodes, images: list[Image], v: Displacements, options: Options
+) -> tuple[Displacements, Errors]:
+    """Measure vectors again in smaller windows where the flow requires it; return all errors.
+
+    images: both at full resolution, filtered.
+    """
+    errors = _separated(nodes, v, errors_of(nodes, v, options), options)
+    ratio = _window_ratio(v, errors, options)
+    if not (ratio < 1).any():
+        return v, errors
+    return _measure_adapted(nodes, images, v, errors, ratio, options)
+
+
+def _separated(nodes: Nodes, v: Displacements, errors: Errors, options: Options) -> Errors:
     """`errors` without the unresolved displacement that neighbouring cells show with certainty."""
-    spacing = float(nodes.x[1] - nodes.x[0])
+    spacing, sigma, steps = float(nodes.x[1] - nodes.x[0]), options.sigma, options.full_steps
     together, single = (noise_budget(sigma, spacing, steps, n)[1] for n in (True, False))
     if together < LEAST_KEPT:
         return errors
@@ -93,7 +108,7 @@ def _around(field: ndarray) -> ndarray:
     return cv2.boxFilter(field, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
 
 
-def window_ratio(v: Displacements, errors: Errors, options: Options) -> ndarray:
+def _window_ratio(v: Displacements, errors: Errors, options: Options) -> ndarray:
     """Side of each vector's window over `options.window`; 1 where it is well measured already."""
     if options.least_window >= options.window:
         return np.ones(v.dx.shape, float32)
@@ -107,7 +122,7 @@ def window_ratio(v: Displacements, errors: Errors, options: Options) -> ndarray:
     return np.where((wanted > 0) & ~v.masked, limited, 1).astype(float32)
 
 
-def measure_adapted(
+def _measure_adapted(
     nodes: Nodes,
     images: list[Image],
     v: Displacements,

@@ -7,7 +7,6 @@ which is what biases displacements of particle images of two to three pixels (pe
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy import float32, ndarray
 
@@ -49,27 +48,6 @@ def _polynomials() -> ndarray:
 
 
 _TAPS = tuple(float32(c) for c in _polynomials().ravel())
-
-
-def bilinear(field: ndarray, column: ndarray, row: ndarray) -> ndarray:
-    """Bilinear values of a grid at every pair of a row and a column; constant outside."""
-    at = np.empty((2, row.size, column.size), float32)
-    at[0], at[1] = column, row[:, None]
-    return cv2.remap(
-        field.astype(float32), at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-
-
-def denser(field: ndarray) -> ndarray:
-    """Bilinear values on nodes twice as dense."""
-    rows, columns = field.shape
-    across = np.empty((rows, 2 * columns - 1), float32)
-    across[:, ::2] = field
-    across[:, 1::2] = (field[:, 1:] + field[:, :-1]) / 2
-    out = np.empty((2 * rows - 1, across.shape[1]), float32)
-    out[::2] = across
-    out[1::2] = (across[1:] + across[:-1]) / 2
-    return out
 
 
 def bspline_table(positions: ndarray, origin: float, spacing: float, count: int) -> tuple:

@@ -1,173 +1,97 @@
-"""Newton steps on the windowed correlation of two images warped towards each other."""
+"""One Newton step on the windowed correlation of two warped images, and the tests of its result."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy import float32, ndarray
 
-from piv.compiled import compiled, fast, inlined
+from piv.compiled import compiled
+from piv.correlation.nodes import Nodes, spline_value
+from piv.correlation.options import Options
+from piv.validation.outliers import normalised_median
 
-CELL = 4  # px: products are summed over cells before the window's weight is applied
-BLOCK = 512  # px: columns whose sums over four rows stay in the first cache
-MOMENTS = 9  # gx, gy, hxx, hxy, hyy, aa, bb, ab, weight
-NEAR, FAR, HALF = (float32(8 / 12), float32(1 / 12), float32(0.5))  # of the fourth-order difference
-
-
-@inlined
-def _products(w, a, left_a, right_a, up_a, down_a, b, left_b, right_b, up_b, down_b):
-    """MOMENTS of a pixel of weight w; neighbours: (next, next but one); gx, gy and hxy twice."""
-    ax = NEAR * (right_a[0] - left_a[0]) - FAR * (right_a[1] - left_a[1])
-    bx = NEAR * (right_b[0] - left_b[0]) - FAR * (right_b[1] - left_b[1])
-    ay = NEAR * (down_a[0] - up_a[0]) - FAR * (down_a[1] - up_a[1])
-    by = NEAR * (down_b[0] - up_b[0]) - FAR * (down_b[1] - up_b[1])
-    wa, wb, wbx, wby = w * a, w * b, w * bx, w * by
-    return (
-        wa * bx - wb * ax, wa * by - wb * ay, ax * wbx, ax * wby + ay * wbx, ay * wby,
-        wa * a, wb * b, wa * b, w,
-    )  # fmt: skip
+NEAR = 0.75  # side over the largest window's: smaller windows are tested against 3 x 3 neighbours
 
 
-@inlined
-def _row_products(w, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4):
-    """`_products` at pixel i of the middle of five rows, which begin two columns before."""
-    k = i + 2
-    return _products(
-        w[i],
-        a2[k], (a2[i + 1], a2[i]), (a2[i + 3], a2[i + 4]), (a1[k], a0[k]), (a3[k], a4[k]),
-        b2[k], (b2[i + 1], b2[i]), (b2[i + 3], b2[i + 4]), (b1[k], b0[k]), (b3[k], b4[k]),
-    )  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class Displacements:
+    """Displacements at the nodes (px, image axes), their tests and the sums they come from."""
+
+    dx: ndarray
+    dy: ndarray
+    known: ndarray  # bool: passed every test
+    masked: ndarray  # bool: too little of the window could be used
+    second: ndarray  # bool: taken from the second correlation peak
+    correlation: ndarray
+    step_x: ndarray
+    step_y: ndarray
+    cells: ndarray
+    sums: ndarray
+    visible: ndarray  # share of the window's weight that could be used
+    # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
+    cell_noise: float = 1.15
+    # side of the window over the largest (piv.correlation.adaptive_windows)
+    ratio: ndarray | None = None
+    steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions
+
+    TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
+
+    @property
+    def near(self) -> ndarray | None:
+        """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
+        return None if self.ratio is None else self.ratio < NEAR
 
 
-@fast
-def _four_rows(
-    a0, a1, a2, a3, a4, a5, a6, a7, b0, b1, b2, b3, b4, b5, b6, b7, w0, w1, w2, w3, sums
-):
-    """Moments of every column over the middle four of eight rows: sums[m * BLOCK + column]."""
-    for i in range(w0.size):
-        p = _row_products(w0, i, a0, a1, a2, a3, a4, b0, b1, b2, b3, b4)
-        q = _row_products(w1, i, a1, a2, a3, a4, a5, b1, b2, b3, b4, b5)
-        r = _row_products(w2, i, a2, a3, a4, a5, a6, b2, b3, b4, b5, b6)
-        s = _row_products(w3, i, a3, a4, a5, a6, a7, b3, b4, b5, b6, b7)
-        sums[i] = HALF * (p[0] + q[0] + r[0] + s[0])
-        sums[i + BLOCK] = HALF * (p[1] + q[1] + r[1] + s[1])
-        sums[i + 2 * BLOCK] = p[2] + q[2] + r[2] + s[2]
-        sums[i + 3 * BLOCK] = HALF * (p[3] + q[3] + r[3] + s[3])
-        sums[i + 4 * BLOCK] = p[4] + q[4] + r[4] + s[4]
-        sums[i + 5 * BLOCK] = p[5] + q[5] + r[5] + s[5]
-        sums[i + 6 * BLOCK] = p[6] + q[6] + r[6] + s[6]
-        sums[i + 7 * BLOCK] = p[7] + q[7] + r[7] + s[7]
-        sums[i + 8 * BLOCK] = p[8] + q[8] + r[8] + s[8]
+def measure(
+    nodes: Nodes,
+    cells: ndarray,
+    window_sums: tuple,
+    dx,
+    dy,
+    options: Options,
+    epsilon: float,
+    near: ndarray | None = None,
+) -> Displacements:
+    """One Newton step from the predictor (dx, dy), and the tests of its result.
 
-
-@fast
-def _along(sums, out):
-    """Sums over CELL columns."""
-    for i in range(out.size):
-        k = i * CELL
-        out[i] = sums[k] + sums[k + 1] + sums[k + 2] + sums[k + 3]
-
-
-@fast
-def cell_row(a, b, weight, j, first, last, at, rows, columns, sums, out):
-    """Cells `first` to `last` of row j of images of (rows, columns) px: out[:, j] (cell_moments).
-
-    at: rows of a, b, weight with the eight rows from two above the cells to two below; sums: work.
+    window_sums: of the cells, and of the weights of whole windows; near: as of `deviates`.
     """
-    none = np.zeros(columns, float32)
-    for left in range(first * CELL, last * CELL, BLOCK):
-        width = min(BLOCK, last * CELL - left)
-        c0, c1 = (
-            max(left, 2),
-            min(left + width, columns - 2),
-        )  # nearer the edge derivatives are not known
-        for m in range(MOMENTS):
-            sums[m * BLOCK : m * BLOCK + c0 - left] = 0
-            sums[m * BLOCK + c1 - left : m * BLOCK + width] = 0
-        s = slice(c0 - 2, c1 + 2)
-        w0, w1, w2, w3 = none[c0:c1], none[c0:c1], none[c0:c1], none[c0:c1]
-        if 2 <= CELL * j < rows - 2:
-            w0 = weight[at[2], c0:c1]
-        if 2 <= CELL * j + 1 < rows - 2:
-            w1 = weight[at[3], c0:c1]
-        if CELL * j + 2 < rows - 2:
-            w2 = weight[at[4], c0:c1]
-        if CELL * j + 3 < rows - 2:
-            w3 = weight[at[5], c0:c1]
-        _four_rows(
-            a[at[0], s], a[at[1], s], a[at[2], s], a[at[3], s],
-            a[at[4], s], a[at[5], s], a[at[6], s], a[at[7], s],
-            b[at[0], s], b[at[1], s], b[at[2], s], b[at[3], s],
-            b[at[4], s], b[at[5], s], b[at[6], s], b[at[7], s],
-            w0, w1, w2, w3, sums[c0 - left :],
-        )  # fmt: skip
-        for m in range(MOMENTS):
-            _along(sums[m * BLOCK :], out[m, j, left // CELL : (left + width) // CELL])
+    sums, full = window_sums
+    step_x, step_y, correlation = newton_step(sums, 1.0)
+    new_x = spline_value(dx) + step_x * nodes.factor
+    new_y = spline_value(dy) + step_y * nodes.factor
+    masked = sums[8] < (1 - options.max_masked) * full
+    usable = ~masked & (correlation > options.min_correlation)
+    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, near)
+    no = np.zeros(known.shape, bool)
+    seen = sums[8] / full
+    return Displacements(
+        new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen
+    )
 
 
-@fast
-def cell_moments(a, b, weight, out):
-    """Sums over CELL x CELL px of the correlation's gradient, cross-gradient Hessian and energies.
+def deviates(
+    dx, dy, usable: ndarray, epsilon: float, options: Options, near: ndarray | None
+) -> ndarray:
+    """Vectors (bool) that fail the normalised median test; usable: possible neighbours.
 
-    a, b, weight: (rows, columns) float32 of the warped images. out: (MOMENTS, rows // CELL, columns
-    // CELL). gx = Σ (a·∂b - b·∂a)/2 and hxy = Σ (∂xa·∂yb + ∂ya·∂xb)/2: products of one image with
-    the other only, so that camera noise, independent in the two, leaves both unbiased.
+    5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the
+    next wave.
     """
-    rows, columns = a.shape
-    sums = np.empty(MOMENTS * BLOCK, float32)
-    at = np.empty(8, np.int64)
-    for j in range(out.shape[1]):
-        for k in range(8):
-            at[k] = min(max(CELL * j - 2 + k, 0), rows - 1)
-        cell_row(a, b, weight, j, 0, out.shape[2], at, rows, columns, sums, out)
+    threshold = options.threshold
 
+    def failed(radius: int) -> ndarray:
+        test = normalised_median(
+            dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold
+        )
+        return test[0] > threshold
 
-def window_reach(sigma: float) -> int:
-    """Cells on each side of a node that have weight in a window of this σ (px)."""
-    return int(np.ceil(3.0 * sigma / CELL)) + 1
-
-
-def window_weights(nodes: ndarray, cells: int, sigma: float) -> tuple[ndarray, ndarray]:
-    """Gaussian weights of the cells round each node: (first cell, weights (node, cell))."""
-    reach = window_reach(sigma)
-    centre = (nodes - (CELL - 1) / 2) / CELL
-    first = np.floor(centre).astype(np.int64) - reach
-    k = first[:, None] + np.arange(2 * reach + 2)
-    w = np.exp(-0.5 * ((k - centre[:, None]) * CELL / sigma) ** 2)
-    w[(k < 0) | (k >= cells)] = 0
-    return first, w.astype(float32)
-
-
-@fast
-def _dot(a, b):
-    total = float32(0)
-    for k in range(a.size):
-        total += a[k] * b[k]
-    return total
-
-
-@fast
-def _add(line, weight, row):
-    for c in range(line.size):
-        line[c] += weight * row[c]
-
-
-@fast
-def window_sums(moments, first_y, weight_y, first_x, weight_x, out):
-    """out[m, j, i] = Σ weight_y[j] weight_x[i] moments[m] around node (j, i)."""
-    count, _, cells_x = moments.shape
-    ny, ky = weight_y.shape
-    nx, kx = weight_x.shape
-    padded = np.zeros(cells_x + 2 * kx, float32)  # cells beyond the image count as zero
-    line = padded[kx : kx + cells_x]
-    for m in range(count):
-        for j in range(ny):
-            line[:] = 0
-            for k in range(ky):
-                if weight_y[j, k] != 0:
-                    _add(line, weight_y[j, k], moments[m, first_y[j] + k])
-            for i in range(nx):
-                start = min(max(first_x[i] + kx, 0), cells_x + kx)
-                out[m, j, i] = _dot(weight_x[i], padded[start : start + kx])
+    if near is None or near.all():
+        return failed(2 if near is None else 1)
+    return np.where(near, failed(1), failed(2))
 
 
 @compiled

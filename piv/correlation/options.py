@@ -9,25 +9,12 @@ from functools import wraps
 from typing import Annotated, Any, TypedDict, TypeVar, cast, get_type_hints
 
 import numpy as np
-from numpy import ndarray
 
 from piv.files.errors import suggestion
 
 # Newton steps at half and at full resolution; how often the frequency weights are measured
 PRESETS = {"fast": (2, 2, 1), "balanced": (3, 3, 1), "accurate": (4, 6, 2)}
 WINDOW = (8, 512)  # px: bounds of Options.window
-_METHODS = ("correlation", "optical_flow")
-
-
-def grid(length: int, spacing: float) -> ndarray:
-    """Positions `spacing` px apart, as many as fit into `length`, centred; at least two."""
-    n = int(length // spacing)
-    if n < 2:
-        raise ValueError(
-            f"spacing must leave two vectors along {length} px, thus be at most {length // 2} px;"
-            f" got {spacing:g}"
-        )
-    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
 
 
 @dataclass(frozen=True)
@@ -58,9 +45,6 @@ class Options:
     ] = 0.2
     max_masked: Annotated[float, "largest masked share of a window's weight"] = 0.5
     replace: Annotated[bool, "put the neighbours' mean in place of outliers, flagged 4"] = False
-    method: Annotated[str, "correlation or optical_flow (fast, coarse, without uncertainty)"] = (
-        "correlation"
-    )
 
     def __post_init__(self) -> None:
         for name in ("window", "least_window", "spacing", "search"):
@@ -71,8 +55,6 @@ class Options:
                 )
         if self.preset not in PRESETS:
             raise ValueError(f"preset must be one of {', '.join(PRESETS)}, got {self.preset!r}")
-        if self.method not in _METHODS:
-            raise ValueError(f"method must be one of {', '.join(_METHODS)}, got {self.method!r}")
         if not WINDOW[0] <= self.window <= WINDOW[1]:
             raise ValueError(
                 f"window must be between {WINDOW[0]} and {WINDOW[1]} px, got {self.window}"
@@ -96,11 +78,6 @@ class Options:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         if not 0 <= self.max_masked < 1 or not -1 <= self.min_correlation < 1:
             raise ValueError("max_masked must be within 0 … 1 and min_correlation within -1 … 1")
-
-    def axes(self, shape: tuple[int, int]) -> tuple[ndarray, ndarray]:
-        """x and y (px, y up, ascending) of the vectors of images of `shape`."""
-        x, rows = (grid(length, self.spacing) for length in shape[::-1])
-        return x, shape[0] - 1 - rows[::-1]
 
     @property
     def sigma(self) -> float:
@@ -139,7 +116,6 @@ class OptionWords(TypedDict, total=False):
     max_std: float
     max_masked: float
     replace: bool
-    method: str
 
 
 F = TypeVar("F", bound=Callable[..., Any])

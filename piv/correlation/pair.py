@@ -10,26 +10,23 @@ maximum-likelihood weight. Method and sources: docs/piv_theory.md.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache, partial
+from dataclasses import asdict, replace
 from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from piv.correlation import passes, prefilter
-from piv.correlation.adaptive_windows import measure_adapted, separated, window_ratio
-from piv.correlation.buffers import image_buffers
-from piv.correlation.deform import Nodes
+from piv.correlation.adaptive_windows import adapt_windows
 from piv.correlation.fft_pass import window_maps
-from piv.correlation.newton_step import CELL
-from piv.correlation.options import Options, OptionWords, grid, with_options
-from piv.correlation.pair_images import Prepared
-from piv.correlation.passes import Displacements, vector_dataset
-from piv.correlation.retry import best_of
+from piv.correlation.newton_step import Displacements
+from piv.correlation.nodes import Nodes, nodes_of
+from piv.correlation.options import Options, OptionWords, with_options
+from piv.correlation.pair_images import Prepared, image_buffers
+from piv.correlation.passes import reseed, run_passes, strip_spectra
+from piv.correlation.prefilter import Kernel, Powers
 from piv.correlation.steep_regions import measure_steep_regions
-from piv.correlation.uncertainty import INTERPOLATION, Errors, errors_of
+from piv.correlation.uncertainty import INTERPOLATION, Errors
 from piv.formats.plane_series import (
     FLAGS,
     MASKED,
@@ -38,6 +35,7 @@ from piv.formats.plane_series import (
     SECOND_PEAK,
     UNCERTAIN,
     VALID,
+    provenance,
 )
 from piv.validation.denoise import damp_noise
 from piv.validation.outliers import RARE, fill_absent, supported
@@ -45,6 +43,9 @@ from piv.validation.outliers import RARE, fill_absent, supported
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
 _VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
+# of the vectors that are not masked, uncertain ones counted half: with fewer, other ways are tried
+_ENOUGH = 0.5
+_CHANCE = 0.2  # with fewer, an uncertain vector may be anything
 
 
 @with_options
@@ -61,135 +62,44 @@ def correlate_pair(
     the input cannot be used.
     """
     settings = Options(**options)
-    if settings.method == "optical_flow":
-        from piv.correlation.optical_flow import optical_flow
-
-        return optical_flow(a, b, mask, settings)
 
     def correlate(a: Any, b: Any, settings: Options) -> xr.Dataset:
         with image_buffers(np.shape(a)) as new:
-            return _correlate(Prepared([a, b], mask, settings.window, new), settings)
+            return _correlate(Pair([a, b], mask, settings, new), settings)
 
-    return best_of(a, b, settings, correlate)
+    return _best_way(a, b, settings, correlate)
 
 
-def _correlate(images: Prepared, settings: Options) -> xr.Dataset:
-    """`correlate_pair` of prepared images."""
-    full = images.images(1)
-
-    def spectra_of(*where: Any) -> tuple | None:
-        return prefilter.radial_spectra(pair_powers(images, *where))
-
-    def reseed(nodes: Nodes, vectors: Displacements) -> Displacements:
-        vectors = passes.reseed(nodes, images.pixels, vectors, settings)
-        return measure_steep_regions(nodes, full, vectors, settings)
-
+def _correlate(images: Pair, settings: Options) -> xr.Dataset:
+    """Correlate prepared images as `correlate_pair` does."""
     half, nodes, keep = nodes_of(images.shape, settings)
-    maps_of, cells_of = partial(pair_maps, images), partial(pair_cells, images)
-    seen = both_seen(images.half[1])
-    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    errors = errors_of(nodes, vectors, settings)
-    errors = separated(nodes, vectors, errors, settings.sigma, settings.full_steps)
-    ratio = window_ratio(vectors, errors, settings)
-    if (ratio < 1).any():
-        vectors, errors = measure_adapted(nodes, full, vectors, errors, ratio, settings)
+    full = images.images(1)
+    vectors = run_passes(images, half, nodes, settings)
+    vectors, errors = adapt_windows(nodes, full, vectors, settings)
     vectors = measure_steep_regions(nodes, full, vectors, settings, final=True)
-    if vectors.steep is not None:
-        errors = errors.in_small_window(vectors.steep & (ratio == 1))
-    return to_dataset(vectors, errors, nodes, keep, settings)
+    return to_dataset(vectors, errors.in_small_window(vectors), nodes, keep, settings)
 
 
-def pair_maps(images: Prepared, columns, rows, shift_x, shift_y, size: int) -> ndarray:
-    """`window_maps` of a pair at half resolution."""
-    half, _ = images.half
-    return window_maps(half[0], half[1], columns, rows, shift_x, shift_y, size)
+class Pair(Prepared):
+    """Two images and what the passes need of them (piv.correlation.passes.Images)."""
 
+    def maps(self, columns, rows, shift_x, shift_y, size: int) -> ndarray:
+        a, b = self.half
+        return window_maps(a, b, columns, rows, shift_x, shift_y, size)
 
-def pair_cells(images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
-    """`Nodes.moments` of a pair that is filtered by `kernel`."""
-    a, b = images.images(nodes.factor)
-    a.filter(kernel)
-    b.filter(kernel)
-    return nodes.moments(a, b, dx, dy)
+    def cells(self, nodes: Nodes, kernel: Kernel, dx, dy) -> ndarray:
+        a, b = self.images(nodes.factor)
+        a.filter(kernel)
+        b.filter(kernel)
+        return nodes.moments(a, b, dx, dy)
 
+    def powers(self, nodes: Nodes, kernel: Kernel, dx, dy) -> list[Powers]:
+        moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
+        return strip_spectra(nodes, self.images(1), moves, self.common(1), kernel)
 
-def pair_powers(
-    images: Prepared, nodes: Nodes, kernel: prefilter.Kernel, dx, dy
-) -> list[prefilter.Powers]:
-    """`strip_spectra` of a pair that is warped half-way along (dx, dy)."""
-    moves = [(dx, dy, -0.5), (dx, dy, 0.5)]
-    return passes.strip_spectra(nodes, images.images(1), moves, both_seen(images.seen), kernel)
-
-
-def both_seen(seen: list[ndarray | None]) -> ndarray | None:
-    """Pixels (bool) that no image masks; None without masks."""
-    masks = [s for s in seen if s is not None]
-    return np.logical_and.reduce(masks) if masks else None
-
-
-@lru_cache(4)
-def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tuple[slice, slice]]:
-    """The nodes at half and full resolution, and the slices (rows, columns) of requested vectors.
-
-    Nodes lie at most a quarter of the window apart, because they deform the images.
-    All pairs of a recording share them and the weights that they hold.
-    """
-    k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
-    axes, keep = [], []
-    for length in (shape[1], shape[0]):
-        requested = grid(length, options.spacing)
-        if k > 1:
-            step = options.spacing / k
-            before = int((requested[0] + 0.5) // step)
-            count = (
-                before + (requested.size - 1) * k + 1 + int((length - 0.5 - requested[-1]) // step)
-            )
-            axes.append(requested[0] + step * (np.arange(count) - before))
-            keep.append(slice(before, before + (requested.size - 1) * k + 1, k))
-        else:
-            axes.append(requested)
-            keep.append(slice(None))
-    x, y = axes
-    return Nodes(x, y, (shape[0] // 2, shape[1] // 2), 2), Nodes(x, y, shape, 1), (keep[1], keep[0])
-
-
-def run_passes(
-    half: Nodes,
-    nodes: Nodes,
-    seen: ndarray | None,
-    options: Options,
-    maps_of: Callable[..., ndarray],
-    cells_of: Callable[..., ndarray],
-    spectra_of: Callable[..., tuple | None],
-    reseed: Callable[[Nodes, Displacements], Displacements],
-) -> Displacements:
-    """All passes; the callbacks hold the images. Displacements at `nodes` in image axes."""
-    dx, dy = passes.first_passes(maps_of, half.shape, seen, options.search, half.x, half.y)
-    response = prefilter.default_response()
-    kernel = prefilter.kernel(response)
-    for _ in range(options.half_steps):
-        cells = cells_of(half, kernel, dx, dy)
-        sums = half.window_sums(cells, 1.2 * options.sigma)
-        vectors = passes.measure(half, cells, sums, dx, dy, options, max(options.epsilon, 0.5))
-        dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
-    second = np.zeros(dx.shape, bool)
-    cell_noise = Displacements.cell_noise
-    for step in range(options.full_steps):
-        if step < options.spectra and (spectra := spectra_of(nodes, kernel, dx, dy)) is not None:
-            spectra = prefilter.undo(response, spectra)
-            response = prefilter.optimal_response(*spectra)
-            kernel = prefilter.kernel(response)
-            cell_noise = prefilter.cell_noise(spectra, response, CELL)
-        cells = cells_of(nodes, kernel, dx, dy)
-        sums = nodes.window_sums(cells, options.sigma)
-        vectors = passes.measure(nodes, cells, sums, dx, dy, options, options.epsilon)
-        if step == options.full_steps - 1:
-            break
-        vectors = reseed(nodes, vectors)
-        second |= vectors.second
-        dx, dy = vectors.dx, vectors.dy
-    vectors.second[:] = second & vectors.known
-    return replace(vectors, cell_noise=cell_noise)
+    def search_again(self, nodes: Nodes, vectors: Displacements) -> Displacements:
+        vectors = reseed(nodes, self.pixels, vectors, self.options)
+        return measure_steep_regions(nodes, self.images(1), vectors, self.options)
 
 
 def to_dataset(
@@ -243,6 +153,61 @@ def to_dataset(
     }
     rows, columns = keep
     fields = {n: f[rows, columns] for n, f in fields.items()}
-    out = vector_dataset(fields, nodes.x[columns], nodes.y[rows], nodes.shape[0], options)
+    fields |= {n: fields[n].astype(np.uint8) for n in ("valid", "flag")}
+    units = {"valid": "1", "flag": "1", "correlation": "1"}
+    out = xr.Dataset(
+        {n: (("y", "x"), f[::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
+        coords={
+            "x": ("x", nodes.x[columns].copy(), {"units": "px"}),
+            "y": ("y", (nodes.shape[0] - 1 - nodes.y[rows])[::-1].copy(), {"units": "px"}),
+        },
+        attrs={"source": "piv", **provenance(**asdict(options))},
+    )
     out["flag"].attrs["meanings"] = "; ".join(f"{k} {name}" for k, name in enumerate(FLAGS))
     return out
+
+
+def _best_way(
+    a: Any, b: Any, options: Options, correlate: Callable[[Any, Any, Options], xr.Dataset]
+) -> xr.Dataset:
+    """Correlate, and where too little of the pictures is explained, try other ways in turn.
+
+    Ways: without what stands still in the pair (the lesser of both grey values), a smaller and a
+    larger search. Attribute `retried` names the way that was taken. Uncertain vectors are rejected
+    where no way explains enough, and the first hardly anything. A larger window is no way: where it
+    holds few particles, too, one valid vector in twenty was wrong.
+    """
+    field = correlate(a, b, options)
+    if _explained(field) >= _ENOUGH:
+        return field
+    still = np.minimum(np.asarray(a, np.float32), np.asarray(b, np.float32))
+    ways: dict[str, tuple[Any, Any, Options]] = {
+        "background from the pair": (a - still, b - still, options),
+    }
+    for search in (options.search // 2, 2 * options.search):
+        if 16 <= search <= 1024:
+            ways[f"search {search} px"] = a, b, replace(options, search=search)
+    for name, way in ways.items():
+        try:
+            other = correlate(*way)
+        except ValueError:  # nothing moves in the pair
+            continue
+        if _explained(other) >= _ENOUGH:
+            return other.assign_attrs(retried=name)
+    if _explained(field) < _CHANCE:
+        field = _without_uncertain(field)
+    return field
+
+
+def _explained(field: xr.Dataset) -> float:
+    """Share of valid vectors among those that are not masked; uncertain ones count half."""
+    flag = field["flag"].values
+    good = np.isin(flag, (VALID, SECOND_PEAK)).sum() + 0.5 * (flag == UNCERTAIN).sum()
+    return float(good / max((flag != MASKED).sum(), 1))
+
+
+def _without_uncertain(field: xr.Dataset) -> xr.Dataset:
+    unsure = field["flag"] == UNCERTAIN
+    kept = {n: field[n].where(~unsure) for n in ("u", "v", "u_std", "v_std")}
+    kept["flag"] = field["flag"].where(~unsure, OUTLIER).astype(np.uint8)
+    return field.assign(kept)

@@ -2,24 +2,64 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property, lru_cache
 from typing import Any
 
 import cv2
 import numpy as np
-from numpy import ndarray
+from numpy import float32, ndarray
 
-from piv.correlation.buffers import New, fresh
-from piv.correlation.deform import Image
-from piv.correlation.prefilter import remove_background
+from piv.correlation.interpolate import PAD, warp
+from piv.correlation.options import Options
+from piv.correlation.prefilter import TAPS, Kernel, apply
 
+BOX = 7  # px at half resolution: of the local mean
 SMALLEST = 32  # px: fewer do not hold two windows
 # px: with 0.005 particles per px, one such rectangle in 100,000 holds none
 FLAT = ((48, 48), (96, 24), (24, 96))
 
+_kept = threading.local()  # image-sized arrays: clearing new memory costs a fifth of a pair's time
+# bytes: glibc keeps the memory of smaller arrays once an array of this size has been freed
+_FREED = 31 * 2**20
+
+
+New = Callable[..., ndarray]  # of a shape: a float32 array of undefined content
+
+
+def fresh(*shape: int) -> ndarray:
+    """A new float32 array of undefined content."""
+    return np.empty(shape, float32)
+
 
 class BlankImage(ValueError):
     """An image that shows nothing where it is not masked."""
+
+
+@contextmanager
+def image_buffers(size: tuple[int, ...]) -> Iterator[New]:
+    """Yield `new(*shape)`: float32 arrays of undefined content, reused after the context ends.
+
+    size: of the images; arrays for another size are freed. Do not use an array after the context.
+    """
+    if getattr(_kept, "size", None) != size:
+        _kept.size, _kept.free = size, {}
+        np.empty(_FREED, np.uint8)  # freed at once
+    free: dict[tuple[int, ...], list[ndarray]] = _kept.free
+    taken: list[ndarray] = []
+
+    def new(*shape: int) -> ndarray:
+        stack = free.get(shape)
+        taken.append(stack.pop() if stack else np.empty(shape, np.float32))
+        return taken[-1]
+
+    try:
+        yield new
+    finally:
+        for array in taken:
+            free.setdefault(array.shape, []).append(array)
 
 
 def check_images(images: list[Any], window: float) -> list[ndarray]:
@@ -81,22 +121,109 @@ def _constant(image: ndarray, box: ndarray) -> ndarray:
     return cv2.dilate(image, box) == cv2.erode(image, box)
 
 
+def remove_background(image: ndarray, seen: ndarray | None, new: New = fresh) -> ndarray:
+    """Image (float32) minus its local mean (a triangle of 4·BOX px), zero where `seen` is False.
+
+    Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
+    """
+    shape = image.shape[1], image.shape[0]
+
+    def blur(field):
+        coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
+        return cv2.blur(cv2.blur(coarse, (BOX, BOX)), (BOX, BOX))
+
+    weight = None if seen is None else seen.astype(np.float32)
+    mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
+    out = cv2.resize(mean, shape, dst=new(*image.shape), interpolation=cv2.INTER_LINEAR)
+    np.subtract(image, out, out=out)
+    if seen is not None:
+        out[~seen] = 0
+    return out
+
+
+def inside(seen: ndarray) -> ndarray:
+    """Padded map (uint8) of the pixels whose sample and derivatives use unmasked pixels only."""
+    usable = cv2.copyMakeBorder(
+        seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,)
+    )
+    # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
+    return cv2.erode(usable, np.ones((9, 9), np.uint8))
+
+
+@lru_cache(8)
+def _usable_samples(shape: tuple[int, int]) -> ndarray:
+    """`inside` of an image without a mask; shared, read only."""
+    return inside(np.ones(shape, bool))
+
+
+class Image:
+    """One image at one resolution, filtered and ready to be sampled anywhere."""
+
+    def __init__(self, pixels: ndarray, seen: ndarray | None, new: New = fresh):
+        """pixels: float32 without background; seen: unmasked pixels. Call `filter` next."""
+        self.pixels = pixels
+        self.usable = _usable_samples(pixels.shape) if seen is None else inside(seen)
+        self.warped = new(*pixels.shape)
+        self.samples = new(*(n + 2 * PAD for n in pixels.shape))
+        self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[
+            :, -PAD:
+        ] = 0
+        self._kernel: Kernel | None = None
+
+    def filter(self, kernel: Kernel) -> None:
+        """Filter the pixels for sampling, unless this kernel was the last one."""
+        if kernel is not self._kernel:
+            apply(self.pixels, kernel, self.samples[PAD:-PAD, PAD:-PAD])
+            self._kernel = kernel
+
+    def filter_rows(self, kernel: Kernel, first: int, last: int) -> None:
+        """Filter rows `first` to `last` only; `filter` then starts anew."""
+        rows = self.pixels.shape[0]
+        first, last = max(first, 0), min(last, rows)
+        low, high = max(first - TAPS, 0), min(last + TAPS, rows)
+        part = apply(self.pixels[low:high], kernel)
+        self.samples[PAD + first : PAD + last, PAD:-PAD] = part[first - low : last - low]
+        self._kernel = None
+
+    def crop(self, top: int, bottom: int, left: int, right: int) -> Image:
+        """A copy of a part of the filtered image, with PAD px around it for samples."""
+        part = object.__new__(Image)
+        padded = (slice(top, bottom + 2 * PAD), slice(left, right + 2 * PAD))
+        part.pixels = self.pixels[top:bottom, left:right]
+        part.usable, part.samples = self.usable[padded].copy(), self.samples[padded].copy()
+        return part
+
+    def warp(
+        self,
+        dx: ndarray,
+        dy: ndarray,
+        share: float,
+        weight: ndarray,
+        multiply: bool,
+        first: int = 0,
+    ) -> ndarray:
+        """Rows from `first` on, sampled along `share` of a displacement (interpolate.warp)."""
+        out = self.warped[first : first + dx.shape[0]]
+        warp(self.samples, self.usable, dx, dy, share, first, out, weight, multiply)
+        return out
+
+
 class Prepared:
     """Several images without background, and their unmasked pixels."""
 
-    def __init__(self, images: list[Any], mask: Any, window: float, new: New = fresh):
-        self.new = new
-        arrays = check_images(images, window)
+    def __init__(self, images: list[Any], mask: Any, options: Options, new: New = fresh):
+        self.options, self.new = options, new
+        arrays = check_images(images, options.window)
         self.shape = arrays[0].shape
         masks = check_masks(mask, len(arrays), self.shape)
-        self.seen = [None if m is None else ~m for m in masks]
+        self.unmasked = [None if m is None else ~m for m in masks]
         pixels, levels = [], []
         for k, image in enumerate(arrays):
             if (flat := _flat_areas(image)) is not None:
-                self.seen[k] = ~flat if self.seen[k] is None else self.seen[k] & ~flat
+                self.unmasked[k] = ~flat if self.unmasked[k] is None else self.unmasked[k] & ~flat
             grey = new(*self.shape)
             grey[...] = image
-            image, seen = grey, self.seen[k]
+            image, seen = grey, self.unmasked[k]
             # a sum is finite only where every term is, and costs one pass
             finite = np.isfinite(image) if not np.isfinite(cv2.sumElems(image)[0]) else None
             if finite is not None:
@@ -111,7 +238,7 @@ class Prepared:
             pixels.append(remove_background(image, seen, new))
         energy = float(np.sqrt(np.mean([cv2.norm(p) ** 2 / p.size for p in pixels])))
         for k, p in enumerate(pixels):
-            seen = self.seen[k]
+            seen = self.unmasked[k]
             if (seen is None or seen.any()) and not cv2.norm(p, cv2.NORM_INF) > 1e-6 * levels[k]:
                 raise BlankImage(
                     f"image {k + 1} is of one grey level where it is not masked; give a picture "
@@ -124,21 +251,33 @@ class Prepared:
         self._images: dict[int, list[Image]] = {}
 
     @cached_property
-    def half(self) -> tuple[list[ndarray], list[ndarray | None]]:
-        """Pixels and maps of unmasked pixels at half resolution."""
-        rows, columns = self.shape[0] // 2, self.shape[1] // 2
+    def half(self) -> list[ndarray]:
+        """Pixels at half resolution."""
+        return [_half(p) for p in self.pixels]
 
-        def coarser(field: ndarray) -> ndarray:
-            return cv2.resize(
-                field[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
-            )
-
-        seen = [None if s is None else coarser(s.astype(np.float32)) > 0.99 for s in self.seen]
-        return [coarser(p) for p in self.pixels], seen
+    @cached_property
+    def half_unmasked(self) -> list[ndarray | None]:
+        """Pixels (bool) at half resolution that are not masked; None without a mask."""
+        return [None if s is None else _half(s.astype(np.float32)) > 0.99 for s in self.unmasked]
 
     def images(self, factor: int) -> list[Image]:
         """The images at full (1) or half (2) resolution, to be filtered before they are sampled."""
         if factor not in self._images:
-            arrays = (self.pixels, self.seen) if factor == 1 else self.half
-            self._images[factor] = [Image(p, s, self.new) for p, s in zip(*arrays, strict=True)]
+            pixels = self.pixels if factor == 1 else self.half
+            masks = self.unmasked if factor == 1 else self.half_unmasked
+            self._images[factor] = [
+                Image(p, m, self.new) for p, m in zip(pixels, masks, strict=True)
+            ]
         return self._images[factor]
+
+    def common(self, factor: int) -> ndarray | None:
+        """Pixels (bool) that no image masks, at full (1) or half (2) resolution; None: all."""
+        masks = self.unmasked if factor == 1 else self.half_unmasked
+        some = [m for m in masks if m is not None]
+        return np.logical_and.reduce(some) if some else None
+
+
+def _half(field: ndarray) -> ndarray:
+    rows, columns = field.shape[0] // 2, field.shape[1] // 2
+    part = field[: 2 * rows, : 2 * columns]
+    return cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA)

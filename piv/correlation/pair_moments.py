@@ -11,8 +11,8 @@ import numpy as np
 from numpy import float32
 
 from piv.compiled import compiled, fast
+from piv.correlation.cell_moments import BLOCK, CELL, MOMENTS, cell_row
 from piv.correlation.interpolate import LANES, PAD, row_sample, run_end, snapped, spline_row, taps
-from piv.correlation.newton_step import BLOCK, CELL, MOMENTS, cell_row
 
 ROWS = 8  # kept of the warped images: those of a row of cells and two on either side
 SHORT = 6  # px: of shorter runs each pixel is sampled by itself, as a run costs as much as so many

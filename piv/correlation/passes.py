@@ -2,70 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
+from typing import Protocol
 
 import cv2
 import numpy as np
-import xarray as xr
 from numpy import ndarray
 
 from piv.correlation import fft_pass, prefilter
-from piv.correlation.deform import Image, Nodes, spline_value
-from piv.correlation.interpolate import bilinear
-from piv.correlation.newton_step import newton_step
-from piv.correlation.options import Options, grid
-from piv.formats.plane_series import provenance
+from piv.correlation.newton_step import Displacements, measure
+from piv.correlation.nodes import Nodes, bilinear, grid
+from piv.correlation.options import Options
+from piv.correlation.pair_images import Image
 from piv.validation.outliers import fill_absent, normalised_median
 
 _FFT_WINDOWS = (64, 32)  # at half resolution
 _FFT_SPACING = 0.75  # of the size of these windows, which only need to find whole pixels
-NEAR = 0.75  # side over the largest window's: smaller windows are tested against 3 x 3 neighbours
 _RESEED = 32  # px: side of the windows in which outliers are searched again
-
-
-@dataclass(frozen=True, eq=False)
-class Displacements:
-    """Displacements at the nodes (px, image axes), their tests and the sums they come from."""
-
-    dx: ndarray
-    dy: ndarray
-    known: ndarray  # bool: passed every test
-    masked: ndarray  # bool: too little of the window could be used
-    second: ndarray  # bool: taken from the second correlation peak
-    correlation: ndarray
-    step_x: ndarray
-    step_y: ndarray
-    cells: ndarray
-    sums: ndarray
-    visible: ndarray  # share of the window's weight that could be used
-    # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
-    cell_noise: float = 1.15
-    # side of the window over the largest (piv.correlation.adaptive_windows)
-    ratio: ndarray | None = None
-    steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions
-
-    TESTED: ClassVar = ("dx", "dy", "known", "correlation", "step_x", "step_y", "visible")
-
-    @property
-    def near(self) -> ndarray | None:
-        """Vectors (bool) of small windows, to be tested against the nearest neighbours only."""
-        return None if self.ratio is None else self.ratio < NEAR
-
-
-def vector_dataset(fields: dict[str, ndarray], x, y, height: int, options: Options) -> xr.Dataset:
-    """Fields at columns `x`, rows `y` (px) of images `height` px high, as a dataset with y up."""
-    fields = fields | {n: fields[n].astype(np.uint8) for n in ("valid", "flag")}
-    units = {"valid": "1", "flag": "1", "correlation": "1"}
-    return xr.Dataset(
-        {n: (("y", "x"), f[::-1].copy(), {"units": units.get(n, "px")}) for n, f in fields.items()},
-        coords={
-            "x": ("x", x.copy(), {"units": "px"}),
-            "y": ("y", (height - 1 - y)[::-1].copy(), {"units": "px"}),
-        },
-        attrs={"source": "piv", **provenance(**asdict(options))},
-    )
 
 
 def _resample(x, y, field: ndarray, new_x, new_y) -> ndarray:
@@ -74,14 +27,60 @@ def _resample(x, y, field: ndarray, new_x, new_y) -> ndarray:
     return bilinear(field, i, j)
 
 
-def first_passes(
-    maps_of: Callable[..., ndarray], shape: tuple[int, int], seen: ndarray | None, search: int, x, y
-) -> tuple[ndarray, ndarray]:
-    """Displacement (full px) at the nodes (x, y) from FFT passes on half-resolution images.
+class Images(Protocol):
+    """What is correlated: a pair, a set of frames or an ensemble, at half and full resolution."""
 
-    maps_of(columns, rows, shift_x, shift_y, size): correlation maps of windows; seen: unmasked
-    pixels (half resolution).
-    """
+    shape: tuple[int, int]
+
+    def common(self, factor: int) -> ndarray | None:
+        """Pixels (bool) that no image masks, at half resolution (2); None: all."""
+
+    def maps(self, columns, rows, shift_x, shift_y, size: int) -> ndarray:
+        """Correlation maps of windows at half resolution (fft_pass.window_maps)."""
+        ...
+
+    def cells(self, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
+        """Products per cell of the filtered images, warped along (dx, dy) (Nodes.moments)."""
+        ...
+
+    def powers(self, nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> list[prefilter.Powers]:
+        """Cross and difference powers of the filtered images, warped along (dx, dy)."""
+        ...
+
+    def search_again(self, nodes: Nodes, vectors: Displacements) -> Displacements:
+        """Put other predictors in place of outliers, before the next step."""
+        ...
+
+
+def run_passes(images: Images, half: Nodes, nodes: Nodes, options: Options) -> Displacements:
+    """Measure displacements at `nodes` (px, image axes) in all passes, those of `half` first."""
+    dx, dy = first_passes(images, half, options.search)
+    weights = prefilter.default_filter()
+    for _ in range(options.half_steps):
+        cells = images.cells(half, weights.kernel, dx, dy)
+        sums = half.window_sums(cells, 1.2 * options.sigma)
+        vectors = measure(half, cells, sums, dx, dy, options, max(options.epsilon, 0.5))
+        dx, dy = fill_absent(vectors.dx, vectors.dy, vectors.known)
+    second = np.zeros(dx.shape, bool)
+    for step in range(options.full_steps):
+        if step < options.spectra:
+            powers = images.powers(nodes, weights.kernel, dx, dy)
+            weights = prefilter.best_filter(powers, weights)
+        cells = images.cells(nodes, weights.kernel, dx, dy)
+        sums = nodes.window_sums(cells, options.sigma)
+        vectors = measure(nodes, cells, sums, dx, dy, options, options.epsilon)
+        if step == options.full_steps - 1:
+            break
+        vectors = images.search_again(nodes, vectors)
+        second |= vectors.second
+        dx, dy = vectors.dx, vectors.dy
+    vectors.second[:] = second & vectors.known
+    return replace(vectors, cell_noise=weights.cell_noise)
+
+
+def first_passes(images: Images, half: Nodes, search: int) -> tuple[ndarray, ndarray]:
+    """Measure the displacement (full px) at the nodes by FFT at half resolution."""
+    shape, seen = half.shape, images.common(2)
     largest = min(max(search // 2, 16), *shape)
     sizes = sorted(
         (s for s in {min(search // 2, 512), *_FFT_WINDOWS} if s <= largest), reverse=True
@@ -102,7 +101,7 @@ def first_passes(
                 np.rint(_resample(gx, gy, d, cx, cy)).astype(np.int64).ravel() for d in (dx, dy)
             )
         reach = size // 4 if dx.size else 3 * size // 8
-        maps = maps_of(columns, rows, shift_x, shift_y, size)
+        maps = images.maps(columns, rows, shift_x, shift_y, size)
         peaks = fft_pass.find_peaks(maps, shift_x, shift_y, reach)
         grid_shape = (cy.size, cx.size)
         dx, dy, sx, sy = (p.reshape(grid_shape) for p in peaks)
@@ -119,7 +118,7 @@ def first_passes(
         dx, dy = fill_absent(dx, dy, usable & ~(residual > 3))
         gx, gy = cx, cy
     at = 2 * gx + 0.5, 2 * gy + 0.5
-    return 2 * _resample(*at, dx, x, y), 2 * _resample(*at, dy, x, y)
+    return 2 * _resample(*at, dx, half.x, half.y), 2 * _resample(*at, dy, half.x, half.y)
 
 
 # dx, dy at the nodes and the share of them by which an image is warped
@@ -150,55 +149,6 @@ def strip_spectra(
         powers = prefilter.strip_powers(parts[0], parts[1], field[2])
         spectra += [] if powers is None else [powers]
     return spectra
-
-
-def measure(
-    nodes: Nodes,
-    cells: ndarray,
-    window_sums: tuple,
-    dx,
-    dy,
-    options: Options,
-    epsilon: float,
-    near: ndarray | None = None,
-) -> Displacements:
-    """One Newton step from the predictor (dx, dy), and the tests of its result.
-
-    window_sums: of the cells, and of the weights of whole windows; near: as of `deviates`.
-    """
-    sums, full = window_sums
-    step_x, step_y, correlation = newton_step(sums, 1.0)
-    new_x = spline_value(dx) + step_x * nodes.factor
-    new_y = spline_value(dy) + step_y * nodes.factor
-    masked = sums[8] < (1 - options.max_masked) * full
-    usable = ~masked & (correlation > options.min_correlation)
-    known = usable & ~deviates(new_x, new_y, usable, epsilon, options, near)
-    no = np.zeros(known.shape, bool)
-    seen = sums[8] / full
-    return Displacements(
-        new_x, new_y, known, masked, no, correlation, step_x, step_y, cells, sums, seen
-    )
-
-
-def deviates(
-    dx, dy, usable: ndarray, epsilon: float, options: Options, near: ndarray | None
-) -> ndarray:
-    """Vectors (bool) that fail the normalised median test; usable: possible neighbours.
-
-    5 x 5 neighbours; of vectors (bool) marked `near` 3 x 3, since farther neighbours may lie in the
-    next wave.
-    """
-    threshold = options.threshold
-
-    def failed(radius: int) -> ndarray:
-        test = normalised_median(
-            dx, dy, usable, epsilon=epsilon, radius=radius, threshold=threshold
-        )
-        return test[0] > threshold
-
-    if near is None or near.all():
-        return failed(2 if near is None else 1)
-    return np.where(near, failed(1), failed(2))
 
 
 def reseed(

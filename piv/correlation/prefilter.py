@@ -1,8 +1,9 @@
-"""Image filters ahead of the correlation: background removal and frequency weights."""
+"""Filters of the images: the frequency weights of the correlation, from the images' spectra."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -10,13 +11,12 @@ import scipy.fft
 from numpy import float32, ndarray
 from scipy.optimize import nnls
 
-from piv.correlation.buffers import New, fresh
+from piv.correlation.cell_moments import CELL
 from piv.correlation.interpolate import kernel_response
 
 TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
 TAPS = 17  # px: length of the filter kernels
-BOX = 7  # px at half resolution: of the local mean
 # penalty on frequencies to which sampling has folded power, over the signal's: times the squares of
 # the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
 # halves and that of 2.5 px stays; no theory gives it
@@ -30,35 +30,37 @@ _USUAL, _POOR = 15.0, 7.0
 _LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
-def remove_background(image: ndarray, seen: ndarray | None, new: New = fresh) -> ndarray:
-    """Image (float32) minus its local mean (a triangle of 4·BOX px), zero where `seen` is False.
-
-    Only seen pixels enter the local mean, which is smooth enough to be taken at half resolution.
-    """
-    shape = image.shape[1], image.shape[0]
-
-    def blur(field):
-        coarse = cv2.resize(field, (shape[0] // 2, shape[1] // 2), interpolation=cv2.INTER_AREA)
-        return cv2.blur(cv2.blur(coarse, (BOX, BOX)), (BOX, BOX))
-
-    weight = None if seen is None else seen.astype(float32)
-    mean = blur(image) if weight is None else blur(image * weight) / np.maximum(blur(weight), 1e-6)
-    out = cv2.resize(mean, shape, dst=new(*image.shape), interpolation=cv2.INTER_LINEAR)
-    np.subtract(image, out, out=out)
-    if seen is not None:
-        out[~seen] = 0
-    return out
-
-
-def default_response() -> ndarray:
-    """Amplitude response, on the rfft2 frequencies of a tile, before the spectra are measured."""
-    return np.exp(-2 * (np.pi * _LOWPASS * _radial_frequency()) ** 2)
-
-
 Kernel = tuple[ndarray, ndarray]  # along rows, along columns
 
 
-def kernel(response: ndarray) -> Kernel:
+class Filter(NamedTuple):
+    """Frequency weights of both images, and the kernel that filters an image by them."""
+
+    response: ndarray  # amplitude on the rfft2 frequencies of a tile
+    kernel: Kernel
+    # variance of noise in 3 x 3 cells over nine times that of one; measured once for the default
+    cell_noise: float = 1.15
+
+
+def default_filter() -> Filter:
+    """Return the filter that is used before the spectra are measured."""
+    response = np.exp(-2 * (np.pi * _LOWPASS * _radial_frequency()) ** 2)
+    return Filter(response, _kernel(response))
+
+
+def best_filter(powers: list[Powers], before: Filter) -> Filter:
+    """Return the maximum-likelihood filter by the powers of images that `before` has filtered.
+
+    Without powers the filter stays.
+    """
+    if not powers:
+        return before
+    spectra = _undo(before.response, radial_spectra(powers))
+    response = _optimal_response(*spectra)
+    return Filter(response, _kernel(response), _cell_noise(spectra, response))
+
+
+def _kernel(response: ndarray) -> Kernel:
     """Filter by `response` that also prepares an image for sampling (piv.correlation.interpolate).
 
     response: amplitude on the rfft2 frequencies of a TILE × TILE field. Any error of the filter is
@@ -122,14 +124,12 @@ def strip_powers(a: ndarray, b: ndarray, weight: ndarray) -> Powers | None:
     )
 
 
-def radial_spectra(powers: list[Powers]):
-    """Radial spectra (frequency, signal, noise) of two aligned images; None without powers.
+def radial_spectra(powers: list[Powers]) -> tuple[ndarray, ndarray, ndarray]:
+    """Radial spectra (frequency, signal, noise) of two aligned images.
 
     The signal is less `SURE` of its standard errors: where it drowns in noise, chance would pass
     for signal, and white noise be let in.
     """
-    if not powers:
-        return None
     cross, difference, tiles = (sum(parts) for parts in zip(*powers, strict=True))
     bins = np.rint(_radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
@@ -140,7 +140,7 @@ def radial_spectra(powers: list[Powers]):
     return np.arange(count.size) / TILE, signal, noise
 
 
-def undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ndarray, ndarray]:
+def _undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ndarray, ndarray]:
     """Spectra (frequency, signal, noise) of images before the filter `response`."""
     frequency, signal, noise = spectra
     below = frequency < 0.5
@@ -148,7 +148,7 @@ def undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ndarray, ndarray]:
     return frequency[below], (signal / along)[below], (noise / along)[below]
 
 
-def optimal_response(frequency: ndarray, signal: ndarray, noise: ndarray) -> ndarray:
+def _optimal_response(frequency: ndarray, signal: ndarray, noise: ndarray) -> ndarray:
     """Amplitude response on a tile's rfft2 frequencies that gives the least variance.
 
     The correlation's power weight S/(2SN + N²) is that of the maximum-likelihood delay estimator
@@ -180,12 +180,12 @@ def _folded_share(frequency: ndarray, signal: ndarray) -> ndarray:
     return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 
 
-def cell_noise(spectra: tuple, response: ndarray, cell: int) -> float:
+def _cell_noise(spectra: tuple, response: ndarray) -> float:
     """Noise variance of the gradient's sum over 3 x 3 cells, over nine times that of one cell.
 
-    spectra: (frequency, signal, noise) of the images before they are filtered by `response`; cell:
-    side, px. Along x, g = (s ∂n - n ∂s)/2 for the signal s and the noise n of the difference, and
-    the product of both images' own noise.
+    spectra: (frequency, signal, noise) of the images before they are filtered by `response`. Along
+    x, g = (s ∂n - n ∂s)/2 for the signal s and the noise n of the difference, and the product of
+    both images' own noise.
     """
     frequency, signal, noise = spectra
     power = (response * _taper()) ** 2
@@ -200,8 +200,8 @@ def cell_noise(spectra: tuple, response: ndarray, cell: int) -> float:
     )
     # its autocorrelation, but for a factor
     gradient = 2 * s1 * n1 - s * n2 - n * s2 + n1**2 - n * n2
-    window = np.abs(np.fft.fft(np.ones(cell), TILE)) ** 2
-    lags = np.fft.ifft2(np.fft.fft2(gradient) * np.outer(window, window)).real[::cell, ::cell]
+    window = np.abs(np.fft.fft(np.ones(CELL), TILE)) ** 2
+    lags = np.fft.ifft2(np.fft.fft2(gradient) * np.outer(window, window)).real[::CELL, ::CELL]
     return float((lags[0, 0] + 2 * lags[0, 1] + 2 * lags[1, 0] + 4 * lags[1, 1]) / lags[0, 0])
 
 

@@ -15,11 +15,10 @@ import numpy as np
 from numpy import float32, ndarray
 from scipy import ndimage
 
-from piv.correlation.deform import Image, Nodes, cut, spline_value, with_border
-from piv.correlation.interpolate import denser
-from piv.correlation.newton_step import newton_step
+from piv.correlation.newton_step import Displacements, deviates, newton_step
+from piv.correlation.nodes import Nodes, cut, denser, spline_value, with_border
 from piv.correlation.options import Options
-from piv.correlation.passes import Displacements, deviates
+from piv.correlation.pair_images import Image
 from piv.correlation.uncertainty import SMALL
 from piv.validation.outliers import fill_absent
 

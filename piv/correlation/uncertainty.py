@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy import ndarray
 
-from piv.correlation.deform import Nodes
-from piv.correlation.newton_step import CELL
+from piv.correlation.cell_moments import CELL
+from piv.correlation.newton_step import Displacements
+from piv.correlation.nodes import Nodes
 from piv.correlation.options import Options
-from piv.correlation.passes import Displacements
 
 # Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 %
 # without). It covers 60-76 % in every condition of the benchmark except structures shorter than the
@@ -38,8 +38,11 @@ class Errors(NamedTuple):
     missed_x: ndarray
     missed_y: ndarray
 
-    def in_small_window(self, where: ndarray) -> Errors:
-        """With the small window at `where`: noise variance grows by the ratio of the areas."""
+    def in_small_window(self, v: Displacements) -> Errors:
+        """With the small window of steep regions: noise variance grows by the ratio of areas."""
+        if v.steep is None:
+            return self
+        where = v.steep if v.ratio is None else v.steep & (v.ratio == 1)
         x, y = (np.where(where, var / SMALL**2, var) for var in (self.var_x, self.var_y))
         return self._replace(var_x=x, var_y=y)
 

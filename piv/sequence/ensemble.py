@@ -9,27 +9,20 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from piv.correlation import passes, prefilter
-from piv.correlation.deform import Nodes
+from piv.correlation.newton_step import Displacements
+from piv.correlation.nodes import Nodes, nodes_of
 from piv.correlation.options import Options, OptionWords, with_options
-from piv.correlation.pair import (
-    both_seen,
-    nodes_of,
-    pair_cells,
-    pair_maps,
-    pair_powers,
-    run_passes,
-    to_dataset,
-)
-from piv.correlation.pair_images import Prepared
+from piv.correlation.pair import Pair, to_dataset
+from piv.correlation.passes import reseed, run_passes
+from piv.correlation.prefilter import Powers
 from piv.correlation.uncertainty import errors_of
 
-Pair = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
+Images = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
 
 
 @with_options
 def correlate_ensemble(
-    load: Callable[[int], Pair], count: int, *, quiet: bool = True, **options: Unpack[OptionWords]
+    load: Callable[[int], Images], count: int, *, quiet: bool = True, **options: Unpack[OptionWords]
 ) -> xr.Dataset:
     """Mean displacement of `count` pairs in px: correlations are summed before peaks are sought.
 
@@ -40,43 +33,50 @@ def correlate_ensemble(
     if count < 1:
         raise ValueError("an ensemble needs at least one pair")
     settings = Options(**options)
-    if settings.method != "correlation":
-        raise ValueError("the ensemble correlates; method must be 'correlation'")
-
-    def prepared(i: int) -> Prepared:
-        a, b, mask = load(i)
-        return Prepared([a, b], mask, settings.window)
-
-    first = prepared(0)
-    shape = first.shape
-    half, nodes, keep = nodes_of(shape, settings)
-    steps = 2 + settings.half_steps + settings.full_steps + settings.spectra
-    bar = tqdm(total=steps * count, unit="pair", desc="ensemble", disable=quiet or None)
-
-    def each() -> Iterable[Prepared]:
-        for i in range(count):
-            images = prepared(i)
-            if images.shape != shape:
-                raise ValueError(f"pair {i + 1} is of shape {images.shape}, the first of {shape}")
-            yield images
-            bar.update()
-
-    def maps_of(*where: Any) -> np.ndarray:
-        return reduce(iadd, (pair_maps(images, *where) for images in each()))
-
-    def cells_of(*where: Any) -> np.ndarray:
-        return reduce(iadd, (pair_cells(images, *where) for images in each()))
-
-    def spectra_of(*where: Any) -> tuple | None:
-        return prefilter.radial_spectra(
-            [p for images in each() for p in pair_powers(images, *where)]
-        )
-
-    def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
-        return passes.reseed(nodes, first.pixels, vectors, settings)
-
-    seen = both_seen(first.half[1])
-    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    bar.close()
+    images = _Ensemble(load, count, settings, quiet)
+    half, nodes, keep = nodes_of(images.shape, settings)
+    vectors = run_passes(images, half, nodes, settings)
+    images.bar.close()
     # the share of usable pixels is that of all pairs together
     return to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
+
+
+class _Ensemble:
+    """Pairs whose correlations are summed (piv.correlation.passes.Images)."""
+
+    def __init__(self, load: Callable[[int], Images], count: int, options: Options, quiet: bool):
+        self.load, self.count, self.options = load, count, options
+        self.first = self._pair(0)
+        self.shape = self.first.shape
+        passes = 2 + options.half_steps + options.full_steps + options.spectra
+        total, silent = passes * count, quiet or None
+        self.bar = tqdm(total=total, unit="pair", desc="ensemble", disable=silent)
+
+    def _pair(self, i: int) -> Pair:
+        a, b, mask = self.load(i)
+        return Pair([a, b], mask, self.options)
+
+    def _each(self) -> Iterable[Pair]:
+        for i in range(self.count):
+            pair = self._pair(i)
+            if pair.shape != self.shape:
+                raise ValueError(
+                    f"pair {i + 1} is of shape {pair.shape}, the first of {self.shape}"
+                )
+            yield pair
+            self.bar.update()
+
+    def common(self, factor: int) -> np.ndarray | None:
+        return self.first.common(factor)
+
+    def maps(self, *where: Any) -> np.ndarray:
+        return reduce(iadd, (pair.maps(*where) for pair in self._each()))
+
+    def cells(self, *where: Any) -> np.ndarray:
+        return reduce(iadd, (pair.cells(*where) for pair in self._each()))
+
+    def powers(self, *where: Any) -> list[Powers]:
+        return [p for pair in self._each() for p in pair.powers(*where)]
+
+    def search_again(self, nodes: Nodes, vectors: Displacements) -> Displacements:
+        return reseed(nodes, self.first.pixels, vectors, self.options)

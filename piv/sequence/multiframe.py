@@ -7,13 +7,15 @@ import numpy as np
 import xarray as xr
 from numpy import float32, ndarray
 
-from piv.correlation import passes, prefilter
-from piv.correlation.deform import Nodes
+from piv.correlation.cell_moments import MOMENTS, cell_moments
 from piv.correlation.fft_pass import window_maps
-from piv.correlation.newton_step import MOMENTS, cell_moments
+from piv.correlation.newton_step import Displacements
+from piv.correlation.nodes import Nodes, nodes_of
 from piv.correlation.options import Options, OptionWords, with_options
-from piv.correlation.pair import both_seen, nodes_of, run_passes, to_dataset
+from piv.correlation.pair import to_dataset
 from piv.correlation.pair_images import Prepared, check_images, check_masks
+from piv.correlation.passes import reseed, run_passes, strip_spectra
+from piv.correlation.prefilter import Kernel, Powers
 from piv.correlation.uncertainty import errors_of
 from piv.sequence.camera_shake import frame_shifts, shifted
 
@@ -40,8 +42,6 @@ def correlate_frames(
             f"a multi-frame set needs an odd number of frames, at least 3, got {len(frames)}"
         )
     settings = Options(**options)
-    if settings.method != "correlation":
-        raise ValueError("the multi-frame mode correlates; method must be 'correlation'")
     settings = replace(settings, passes=max(settings.full_steps, len(frames) // 2 + 2))
     shake_unknown = False
     if shake:
@@ -51,37 +51,38 @@ def correlate_frames(
         shake_unknown = shifts is None
         if shifts is not None and shifts.any():
             frames, mask = shifted(frames, masks, shifts)
-    images = Prepared(list(frames), mask, settings.window)
-    both = both_seen(images.seen)
-    reach = len(frames) // 2
-    instants = np.arange(-reach, reach + 1)
+    images = _FrameSet(list(frames), mask, settings)
     half, nodes, keep = nodes_of(images.shape, settings)
-    x, y = nodes.x, nodes.y
-    acceleration = np.zeros((2, y.size, x.size), float32)
-    work = {f: np.empty((2, images.shape[0] // f, images.shape[1] // f), float32) for f in (1, 2)}
-    calls = {1: 0, 2: 0}
+    vectors = run_passes(images, half, nodes, settings)
+    field = to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
+    return field.assign_attrs(shake_unknown=int(shake_unknown))
 
-    def maps_of(columns, rows, shift_x, shift_y, size):
-        half, _ = images.half
-        pairs = ((half[k], half[k + 1]) for k in (reach - 1, reach))
-        return sum(window_maps(a, b, columns, rows, shift_x, shift_y, size) for a, b in pairs)
 
-    def cells_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> ndarray:
-        f = nodes.factor
-        level = images.images(f)
+class _FrameSet(Prepared):
+    """Frames about the middle one (piv.correlation.passes.Images), and their acceleration."""
+
+    def __init__(self, frames: list[Any], mask: Any, options: Options):
+        super().__init__(frames, mask, options)
+        self.reach = len(frames) // 2
+        self.instants = np.arange(-self.reach, self.reach + 1)
+        rows, columns = self.shape
+        self.work = {f: np.empty((2, rows // f, columns // f), float32) for f in (1, 2)}
+        self.steps = 0  # at full resolution
+        self.acceleration: ndarray | float = 0.0  # (2, ny, nx), of the nodes
+
+    def maps(self, columns, rows, shift_x, shift_y, size: int) -> ndarray:
+        before, middle, after = self.half[self.reach - 1 : self.reach + 2]
+        first = window_maps(before, middle, columns, rows, shift_x, shift_y, size)
+        return first + window_maps(middle, after, columns, rows, shift_x, shift_y, size)
+
+    def cells(self, nodes: Nodes, kernel: Kernel, dx, dy) -> ndarray:
+        level, instants = self.images(nodes.factor), self.instants
         for image in level:
             image.filter(kernel)
         # a wider set multiplies the error of the vectors it starts from: widen it as they improve
-        near = 1 if f == 2 else min(1 + calls[1], reach)
-        calls[f] += 1
+        near = 1 if nodes.factor == 2 else min(1 + self.steps, self.reach)
         used = [k for k, t in enumerate(instants) if abs(t) <= near]
-        shape = (len(instants), *work[f].shape[1:])
-        weight = np.empty(shape, float32)
-        for k in used:
-            t = instants[k]
-            for axis, moved in enumerate(paths(dx, dy, x, y, acceleration, float(t))):
-                nodes.dense(moved, work[f][axis])
-            level[k].warp(work[f][0], work[f][1], 1.0, weight[k], False)
+        weight = self._warp(nodes, dx, dy, used)
         total = np.zeros((MOMENTS, *nodes.cell_shape), float32)
         bent = np.zeros((5, *nodes.cell_shape), float32)
         cells = np.empty_like(total)
@@ -100,37 +101,50 @@ def correlate_frames(
                 if m:
                     bent[:2] += float32(m) * cells[:2]
                     bent[2:] += float32(m * m) * cells[2:5]
-        if f == 1:
-            step_acceleration(nodes, bent)
+        if nodes.factor == 1:
+            self.steps += 1
+            self._step_acceleration(nodes, bent)
         return total
 
-    def step_acceleration(nodes: Nodes, bent: ndarray) -> None:
-        # accelerations vary as slowly as the displacement they come from: twice the window keeps
-        # their noise down
+    def _warp(self, nodes: Nodes, dx, dy, used: list[int]) -> ndarray:
+        """Warp the frames `used` to the middle instant; return their weights."""
+        level, work = self.images(nodes.factor), self.work[nodes.factor]
+        weight = np.empty((len(level), *work.shape[1:]), float32)
+        for k in used:
+            for axis, moved in enumerate(self._paths(nodes, dx, dy, float(self.instants[k]))):
+                nodes.dense(moved, work[axis])
+            level[k].warp(work[0], work[1], 1.0, weight[k], False)
+        return weight
+
+    def _paths(self, nodes: Nodes, dx, dy, t: float) -> tuple[ndarray, ndarray]:
+        return paths(dx, dy, nodes.x, nodes.y, self.acceleration, t)
+
+    def _step_acceleration(self, nodes: Nodes, bent: ndarray) -> None:
+        """Take one Newton step for the acceleration from the sums of pairs not symmetric in time.
+
+        Accelerations vary as slowly as the displacement they come from: twice the window keeps
+        their noise down.
+        """
         padded = np.concatenate([bent, np.ones((MOMENTS - 5, *bent.shape[1:]), float32)])
-        sums, _ = nodes.window_sums(padded, 1.5 * settings.sigma)
+        sums, _ = nodes.window_sums(padded, 1.5 * self.options.sigma)
         det = sums[2] * sums[4] - sums[3] ** 2
         ok = det > 1e-3 * np.median(det)
-        for axis, (p, q) in enumerate(((4, (0, 1)), (2, (1, 0)))):
-            step = (sums[p] * sums[q[0]] - sums[3] * sums[q[1]]) / np.where(ok, det, 1)
-            acceleration[axis] += np.where(ok, np.clip(step, -0.25, 0.25), 0)
+        steps = [
+            (sums[p] * sums[q] - sums[3] * sums[r]) / np.where(ok, det, 1)
+            for p, q, r in ((4, 0, 1), (2, 1, 0))
+        ]
+        self.acceleration = self.acceleration + np.where(ok, np.clip(steps, -0.25, 0.25), 0)
 
-    def spectra_of(nodes: Nodes, kernel: prefilter.Kernel, dx, dy) -> tuple | None:
-        pair = images.images(1)[reach - 1 : reach + 2 : 2]
-        moves = [(*paths(dx, dy, x, y, acceleration, t), 1.0) for t in (-1.0, 1.0)]
-        return prefilter.radial_spectra(passes.strip_spectra(nodes, pair, moves, both, kernel))
+    def powers(self, nodes: Nodes, kernel: Kernel, dx, dy) -> list[Powers]:
+        pair = self.images(1)[self.reach - 1 : self.reach + 2 : 2]
+        moves = [(*self._paths(nodes, dx, dy, t), 1.0) for t in (-1.0, 1.0)]
+        return strip_spectra(nodes, pair, moves, self.common(1), kernel)
 
-    def reseed(nodes: Nodes, vectors: passes.Displacements) -> passes.Displacements:
-        pair = [images.pixels[reach], images.pixels[reach + 1]]
-        return passes.reseed(nodes, pair, vectors, settings)
-
-    seen = both_seen(images.half[1])
-    vectors = run_passes(half, nodes, seen, settings, maps_of, cells_of, spectra_of, reseed)
-    field = to_dataset(vectors, errors_of(nodes, vectors, settings), nodes, keep, settings)
-    return field.assign_attrs(shake_unknown=int(shake_unknown))
+    def search_again(self, nodes: Nodes, vectors: Displacements) -> Displacements:
+        return reseed(nodes, self.pixels[self.reach : self.reach + 2], vectors, self.options)
 
 
-def paths(dx, dy, x, y, unsteady: ndarray, t: float) -> tuple[ndarray, ndarray]:
+def paths(dx, dy, x, y, unsteady: ndarray | float, t: float) -> tuple[ndarray, ndarray]:
     """Displacement of particles that are at the nodes now, `t` frame intervals later (or earlier).
 
     Taylor series of the path in a field that is frozen but for the acceleration `unsteady` (2, ny,

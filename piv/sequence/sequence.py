@@ -15,6 +15,7 @@ import xarray as xr
 from numpy import ndarray
 from tqdm import tqdm
 
+from piv.correlation.nodes import vector_axes
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.correlation.pair_images import BlankImage, check_images
@@ -94,7 +95,7 @@ def correlate_recording(
         return [image for image, _ in now.values()], [mask for _, mask in now.values()]
 
     units = SeriesUnits.of(recording, sets)
-    x, y = units.axes(*options.axes(recording.shape))
+    x, y = units.axes(*vector_axes(recording.shape, options.spacing))
     stamp = recording.stamp
     settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
     for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
@@ -261,7 +262,7 @@ def _in_parallel(
         except BlankImage:
             if len(sets) == 1:
                 raise
-            x, y = options.axes(images[0].shape)
+            x, y = vector_axes(images[0].shape, options.spacing)
             nothing = absent_field((y.size, x.size), NO_PICTURE)
             return xr.Dataset({name: (("y", "x"), values) for name, values in nothing.items()})
 

@@ -1,6 +1,7 @@
 """The wheel with its core dependencies does PIV from the command line and from Python."""
 
 import os
+import shutil
 import subprocess
 import sys
 import venv
@@ -56,7 +57,19 @@ def installed(wheel, tmp_path_factory):
     folder = tmp_path_factory.mktemp("installed")
     venv.create(folder, with_pip=True)
     run(folder / "bin/python", "-m", "pip", "install", "-q", wheel, cwd=folder)
+    (package,) = folder.glob("lib/*/site-packages/piv")
+    take_compiled(package)
     return folder / "bin"
+
+
+def take_compiled(package: Path) -> None:
+    """Copy this clone's compiled functions (numba's cache), which belong to the same sources."""
+    for source in package.rglob("*.py"):
+        here = ROOT / "piv" / source.relative_to(package)
+        shutil.copystat(here, source)  # numba knows a source by its size and date
+        for compiled in here.parent.glob(f"__pycache__/{here.stem}.*.nb[ic]"):
+            (source.parent / "__pycache__").mkdir(exist_ok=True)
+            shutil.copy2(compiled, source.parent / "__pycache__")
 
 
 @pytest.fixture(scope="module")

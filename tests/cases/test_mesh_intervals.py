@@ -165,7 +165,7 @@ def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
 
 
 def test_quarter_and_half_models_agree(tmp_path):
-    quarter, half = (closing(tmp_path / kind, kind, 0.03) for kind in ("quarter", "half"))
+    quarter, half = (closing(tmp_path / kind, kind, 0.016) for kind in ("quarter", "half"))
     for scene in (quarter, half):
         run_stage.run(scene, quiet=True)
         sheets.run(scene, quiet=True)

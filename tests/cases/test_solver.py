@@ -137,14 +137,13 @@ def test_parallel_equals_serial_also_stopped_and_resumed(
     assert force_difference(parallel, stopped) < 1e-4
 
 
-@pytest.mark.parametrize("scheme", ["backward", "Euler"])
-def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path, scheme):
-    scene = short_scene(tmp_path / "straight", end=0.06, numerics=f', time_scheme = "{scheme}"')
+def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path):
+    scene = short_scene(tmp_path / "straight")
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
     command, case = solving(killed), killed.out / "case"
     process = subprocess.Popen(command, cwd=ROOT)
-    checkpoint = case / "interval_0" / "0.03" / "uniform" / "time"
+    checkpoint = case / "interval_0" / "0.02" / "uniform" / "time"
     deadline = time.monotonic() + 600
     while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.005)
@@ -242,7 +241,7 @@ def test_full_and_half_models_agree(solved, tmp_path):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_strokes_of_150_degrees_run(tmp_path, sign):
+def test_strokes_of_150_degrees_are_meshed_and_one_is_solved(tmp_path, sign):
     """The reach of the mesh motion, on arcs of constant curvature from a table of states."""
     s = np.linspace(0, 0.07, 40)
     rows = ["pressure_kpa,s,x,y"]
@@ -260,8 +259,9 @@ def test_strokes_of_150_degrees_run(tmp_path, sign):
     scene = prepare(write_scene(tmp_path / "arcs", "2d", more, ', time_scheme = "Euler"'))
     bend = np.degrees(read_planform(scene.out, 0)["bend"].values)
     assert (sign * bend).max() == np.abs(bend).max() > 150
-    run_stage.run(scene, quiet=True)
-    assert np.isfinite(table(scene)).all()
+    if sign > 0:
+        run_stage.run(scene, quiet=True)
+        assert np.isfinite(table(scene)).all()
 
 
 def test_the_error_of_a_failing_solver_has_its_last_lines(tmp_path):

@@ -15,7 +15,7 @@ from pipeline.runs.run import open_run
 from piv.files.errors import StageError
 from piv.formats.plane_series import write_plane
 from piv.formats.recording import RecordingWriter
-from postprocess.lab.level import EMPTY, level_windows
+from postprocess.lab.level import EMPTY
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
@@ -80,7 +80,7 @@ def analytic_sheet(run, view, path, quiet, most=None):
 
 
 def measured_by(run, gain: float = 1.0):
-    """Vectors (100 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm).
+    """Vectors (50 Hz, 2 mm apart) of a vortex `gain` times as strong, and the finger's root (mm).
 
     In axes that begin somewhere in the picture.
     """
@@ -89,10 +89,10 @@ def measured_by(run, gain: float = 1.0):
     pose = Pose(1e3, 0.0, kinematics.root, (0.065, 0.105))
     x, y = SPACING * np.arange(1, 76), SPACING * np.arange(1, 62)
     flow = vortex_series(kinematics, TIMES, gain=gain, spacing=SPACING)
-    plane = camera_series(flow, pose, x, y, 0.05 + np.arange(30) / 100.0)
+    plane = camera_series(flow, pose, x, y, 0.05 + np.arange(15) / 50.0)
     plane = plane.drop_vars(["outline", "tip", "tip_direction", "dorsal_direction", "bend"])
     shift = np.array([-0.06, -0.11]) - [x[0], y[0]]
-    at = {"x": plane["x"] + shift[0], "y": plane["y"] + shift[1], "time": np.arange(30) / 100.0}
+    at = {"x": plane["x"] + shift[0], "y": plane["y"] + shift[1], "time": np.arange(15) / 50.0}
     return plane.assign_coords(at), tuple(float(v) for v in 1e3 * (np.array(pose.at_px) + shift))
 
 
@@ -114,11 +114,6 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     assert abs(quantities["circulation"]["error"][0] / quantities["circulation"]["data"][0]) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command, "level_windows", level_windows)
-        result, _, first = compared(run, tmp_path / "sound")
-    assert result["verdict"] == "too uncertain"
-    assert "Level smoke is a plane flow, and its own numerical error hides" in first
     with pytest.raises(StageError, match="--quick compares the motion, which vectors do not"):
         compared(run, tmp_path / "sound", quick=True)
 
@@ -137,13 +132,13 @@ def test_vectors_without_a_clock_are_compared_from_their_onset(run, tmp_path):
 
 def test_repeats_are_judged_by_their_mean(run, tmp_path):
     folders = []
-    for number, gain in enumerate((0.98, 1.0, 1.02)):
+    for number, gain in enumerate((0.98, 1.02)):
         plane, root = measured_by(run, gain=gain)
         folders.append(state_vectors(plane, tmp_path / f"run{number}", root))
     page = command.compare_with(run, folders, Machine(), inputs=False, quick=False, quiet=True)
     result = LAB_COMPARISON.read(page.parent / "comparison.json")
-    assert page.parent.name == "run0+run1+run2"
-    assert len(result["repeats"]) == 3
+    assert page.parent.name == "run0+run1"
+    assert len(result["repeats"]) == 2
     circulation = result["quantities"][0]
     assert abs(circulation["error"][0] / circulation["data"][0]) < 0.02
     assert "repeats" in [source["name"] for source in circulation["sources"]]

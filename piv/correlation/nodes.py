@@ -1,4 +1,4 @@
-"""Image deformation: pixel displacements from the nodes', and images sampled along them."""
+"""The vectors' nodes: displacements of all pixels between them, and sums over their windows."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 from numpy import float32, ndarray
 
-from piv.correlation.buffers import New, fresh
-from piv.correlation.interpolate import PAD, bilinear, bspline_table, dense_field, warp
-from piv.correlation.newton_step import CELL, MOMENTS, window_reach, window_sums, window_weights
+from piv.compiled import fast
+from piv.correlation.cell_moments import CELL, MOMENTS
+from piv.correlation.interpolate import bspline_table, dense_field
+from piv.correlation.options import Options
+from piv.correlation.pair_images import Image
 from piv.correlation.pair_moments import pair_moments
-from piv.correlation.prefilter import TAPS, Kernel, apply
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +94,13 @@ class Nodes:
         """Gaussian-weighted sums of the cells round each node (σ in full px); their weight."""
         if sigma not in self._windows:
             rows, columns = self.cell_shape
-            first_x, weight_x = window_weights(self.column, columns, sigma / self.factor)
-            first_y, weight_y = window_weights(self.row, rows, sigma / self.factor)
+            first_x, weight_x = _window_weights(self.column, columns, sigma / self.factor)
+            first_y, weight_y = _window_weights(self.row, rows, sigma / self.factor)
             total = np.outer(weight_y.sum(axis=1), weight_x.sum(axis=1)) * CELL**2
             self._windows[sigma] = (first_y, weight_y, first_x, weight_x), total
         (first_y, weight_y, first_x, weight_x), total = self._windows[sigma]
         sums = np.empty((cells.shape[0], self.y.size, self.x.size), float32)
-        window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
+        _window_sums(cells, first_y, weight_y, first_x, weight_x, sums)
         return sums, total
 
     def cells_around(self, where: ndarray, sigma: float) -> ndarray:
@@ -111,7 +112,7 @@ class Nodes:
         )
         j, i = np.nonzero(where)
         seen[rows[j], columns[i]] = 1
-        across = 2 * window_reach(sigma / self.factor) + 1
+        across = 2 * _window_reach(sigma / self.factor) + 1
         return cv2.dilate(seen, np.ones((across, across), np.uint8))
 
     def at_cells(self, field: ndarray) -> ndarray:
@@ -130,71 +131,74 @@ class Nodes:
         return bilinear(field, (self.column - middle) / CELL, (self.row - middle) / CELL)
 
 
-def inside(seen: ndarray) -> ndarray:
-    """Padded map (uint8) of the pixels whose sample and derivatives use unmasked pixels only."""
-    usable = cv2.copyMakeBorder(
-        seen.astype(np.uint8), PAD, PAD, PAD, PAD, cv2.BORDER_CONSTANT, value=(0,)
+def _window_reach(sigma: float) -> int:
+    """Cells on each side of a node that have weight in a window of this σ (px)."""
+    return int(np.ceil(3.0 * sigma / CELL)) + 1
+
+
+def _window_weights(nodes: ndarray, cells: int, sigma: float) -> tuple[ndarray, ndarray]:
+    """Gaussian weights of the cells round each node: (first cell, weights (node, cell))."""
+    reach = _window_reach(sigma)
+    centre = (nodes - (CELL - 1) / 2) / CELL
+    first = np.floor(centre).astype(np.int64) - reach
+    k = first[:, None] + np.arange(2 * reach + 2)
+    w = np.exp(-0.5 * ((k - centre[:, None]) * CELL / sigma) ** 2)
+    w[(k < 0) | (k >= cells)] = 0
+    return first, w.astype(float32)
+
+
+@fast
+def _dot(a, b):
+    total = float32(0)
+    for k in range(a.size):
+        total += a[k] * b[k]
+    return total
+
+
+@fast
+def _add(line, weight, row):
+    for c in range(line.size):
+        line[c] += weight * row[c]
+
+
+@fast
+def _window_sums(moments, first_y, weight_y, first_x, weight_x, out):
+    """out[m, j, i] = Σ weight_y[j] weight_x[i] moments[m] around node (j, i)."""
+    count, _, cells_x = moments.shape
+    ny, ky = weight_y.shape
+    nx, kx = weight_x.shape
+    padded = np.zeros(cells_x + 2 * kx, float32)  # cells beyond the image count as zero
+    line = padded[kx : kx + cells_x]
+    for m in range(count):
+        for j in range(ny):
+            line[:] = 0
+            for k in range(ky):
+                if weight_y[j, k] != 0:
+                    _add(line, weight_y[j, k], moments[m, first_y[j] + k])
+            for i in range(nx):
+                start = min(max(first_x[i] + kx, 0), cells_x + kx)
+                out[m, j, i] = _dot(weight_x[i], padded[start : start + kx])
+
+
+def bilinear(field: ndarray, column: ndarray, row: ndarray) -> ndarray:
+    """Bilinear values of a grid at every pair of a row and a column; constant outside."""
+    at = np.empty((2, row.size, column.size), float32)
+    at[0], at[1] = column, row[:, None]
+    return cv2.remap(
+        field.astype(float32), at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    # a sample needs its four neighbours, a derivative those of its own neighbours: 4 px in all
-    return cv2.erode(usable, np.ones((9, 9), np.uint8))
 
 
-@lru_cache(8)
-def _usable_samples(shape: tuple[int, int]) -> ndarray:
-    """`inside` of an image without a mask; shared, read only."""
-    return inside(np.ones(shape, bool))
-
-
-class Image:
-    """One image at one resolution, filtered and ready to be sampled anywhere."""
-
-    def __init__(self, pixels: ndarray, seen: ndarray | None, new: New = fresh):
-        """pixels: float32 without background; seen: unmasked pixels. Call `filter` next."""
-        self.pixels = pixels
-        self.usable = _usable_samples(pixels.shape) if seen is None else inside(seen)
-        self.warped = new(*pixels.shape)
-        self.samples = new(*(n + 2 * PAD for n in pixels.shape))
-        self.samples[:PAD] = self.samples[-PAD:] = self.samples[:, :PAD] = self.samples[
-            :, -PAD:
-        ] = 0
-        self._kernel: Kernel | None = None
-
-    def filter(self, kernel: Kernel) -> None:
-        """Filter the pixels for sampling, unless this kernel was the last one."""
-        if kernel is not self._kernel:
-            apply(self.pixels, kernel, self.samples[PAD:-PAD, PAD:-PAD])
-            self._kernel = kernel
-
-    def filter_rows(self, kernel: Kernel, first: int, last: int) -> None:
-        """Filter rows `first` to `last` only; `filter` then starts anew."""
-        rows = self.pixels.shape[0]
-        first, last = max(first, 0), min(last, rows)
-        low, high = max(first - TAPS, 0), min(last + TAPS, rows)
-        part = apply(self.pixels[low:high], kernel)
-        self.samples[PAD + first : PAD + last, PAD:-PAD] = part[first - low : last - low]
-        self._kernel = None
-
-    def crop(self, top: int, bottom: int, left: int, right: int) -> Image:
-        """A copy of a part of the filtered image, with PAD px around it for samples."""
-        part = object.__new__(Image)
-        padded = (slice(top, bottom + 2 * PAD), slice(left, right + 2 * PAD))
-        part.pixels = self.pixels[top:bottom, left:right]
-        part.usable, part.samples = self.usable[padded].copy(), self.samples[padded].copy()
-        return part
-
-    def warp(
-        self,
-        dx: ndarray,
-        dy: ndarray,
-        share: float,
-        weight: ndarray,
-        multiply: bool,
-        first: int = 0,
-    ) -> ndarray:
-        """Rows from `first` on, sampled along `share` of a displacement (interpolate.warp)."""
-        out = self.warped[first : first + dx.shape[0]]
-        warp(self.samples, self.usable, dx, dy, share, first, out, weight, multiply)
-        return out
+def denser(field: ndarray) -> ndarray:
+    """Bilinear values on nodes twice as dense."""
+    rows, columns = field.shape
+    across = np.empty((rows, 2 * columns - 1), float32)
+    across[:, ::2] = field
+    across[:, 1::2] = (field[:, 1:] + field[:, :-1]) / 2
+    out = np.empty((2 * rows - 1, across.shape[1]), float32)
+    out[::2] = across
+    out[1::2] = (across[1:] + across[:-1]) / 2
+    return out
 
 
 def spline_value(vectors: ndarray) -> ndarray:
@@ -212,7 +216,7 @@ Box = tuple[slice, slice]  # rows and columns of nodes
 
 def with_border(box: Box, nodes: Nodes, sigma: float) -> Box:
     """A box with the nodes round it that warp the images in its windows (σ in px)."""
-    border = max(_BORDER, int(np.ceil(window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
+    border = max(_BORDER, int(np.ceil(_window_reach(sigma) * CELL / (nodes.x[1] - nodes.x[0]))))
     rows, columns = (
         slice(max(s.start - border, 0), min(s.stop + border, axis.size))
         for s, axis in zip(box, (nodes.y, nodes.x), strict=True)
@@ -224,7 +228,7 @@ def cut(
     nodes: Nodes, images: list[Image], part: Box, density: int, sigma: float
 ) -> tuple[Nodes, list[Image]]:
     """Nodes of a part, `density` times as dense, and images with a margin for its windows (px)."""
-    margin = (window_reach(sigma) + 1) * CELL
+    margin = (_window_reach(sigma) + 1) * CELL
     spans = []
     for axis, s, length in ((nodes.x, part[1], nodes.shape[1]), (nodes.y, part[0], nodes.shape[0])):
         first = max(int(axis[s.start]) - margin, 0) // CELL * CELL
@@ -234,3 +238,46 @@ def cut(
     x, y = (np.linspace(a[0], a[-1], density * (a.size - 1) + 1) for a in near)
     local = Nodes(x - c0, y - r0, (r1 - r0, c1 - c0), 1)
     return local, images if local.shape == nodes.shape else [i.crop(r0, r1, c0, c1) for i in images]
+
+
+def grid(length: int, spacing: float) -> ndarray:
+    """Positions `spacing` px apart, as many as fit into `length`, centred; at least two."""
+    n = int(length // spacing)
+    if n < 2:
+        raise ValueError(
+            f"spacing must leave two vectors along {length} px, thus be at most {length // 2} px;"
+            f" got {spacing:g}"
+        )
+    return (length - 1 - (n - 1) * spacing) / 2 + spacing * np.arange(n)
+
+
+def vector_axes(shape: tuple[int, int], spacing: float) -> tuple[ndarray, ndarray]:
+    """x and y (px, y up, ascending) of the vectors of images of `shape`."""
+    x, rows = (grid(length, spacing) for length in shape[::-1])
+    return x, shape[0] - 1 - rows[::-1]
+
+
+@lru_cache(4)
+def nodes_of(shape: tuple[int, int], options: Options) -> tuple[Nodes, Nodes, tuple[slice, slice]]:
+    """The nodes at half and full resolution, and the slices (rows, columns) of requested vectors.
+
+    Nodes lie at most a quarter of the window apart, because they deform the images.
+    All pairs of a recording share them and the weights that they hold.
+    """
+    k = int(np.ceil(options.spacing / max(options.window / 4, 1)))
+    axes, keep = [], []
+    for length in (shape[1], shape[0]):
+        requested = grid(length, options.spacing)
+        if k > 1:
+            step = options.spacing / k
+            before = int((requested[0] + 0.5) // step)
+            count = (
+                before + (requested.size - 1) * k + 1 + int((length - 0.5 - requested[-1]) // step)
+            )
+            axes.append(requested[0] + step * (np.arange(count) - before))
+            keep.append(slice(before, before + (requested.size - 1) * k + 1, k))
+        else:
+            axes.append(requested)
+            keep.append(slice(None))
+    x, y = axes
+    return Nodes(x, y, (shape[0] // 2, shape[1] // 2), 2), Nodes(x, y, shape, 1), (keep[1], keep[0])
