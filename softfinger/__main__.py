@@ -28,7 +28,6 @@ from softfinger.options import (
 )
 from softfinger.study.command import job, schedule, study, tradeoff
 
-_UNTIL = "Last stage: see softfinger stages; of --accuracy: the end of its errors, as 0.2s."
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
@@ -182,6 +181,7 @@ def new(
     width: Annotated[str, Parameter(help="Of the finger, as 20mm.")] = "",
     pressure: Annotated[Path | None, Parameter(help="Table t,p (s, Pa), as p.csv.")] = None,
     tank: Annotated[str, Parameter(help="Length x height x depth, as 400x250x250 (mm).")] = "",
+    thickness: Annotated[str, Parameter(help="If not the paper's 14.5 mm, as 6mm.")] = "",
     extends: Annotated[Path | None, Parameter(help="The scene that it extends.")] = None,
 ) -> None:
     """Write the scene.toml of an own finger in which everything fits, or a template.
@@ -197,13 +197,14 @@ def new(
         folder = Path("cases") / folder
     given = {"--length": length, "--width": width, "--pressure": pressure, "--tank": tank}
     if missing := [name for name, value in given.items() if not value]:
-        if len(missing) < len(given):
+        if len(missing) < len(given) or thickness:
             raise StageError(f"give {' and '.join(missing)}, too: softfinger new --help")
     else:
         assert pressure is not None
         (long,), (wide,) = lengths(length, "--length", 1), lengths(width, "--width", 1)
         x, y, z = lengths(tank, "--tank", 3, "mm")
-        own = Own(long, wide, pressure, (x, y, z))
+        thick = lengths(thickness, "--thickness", 1)[0] if thickness else None
+        own = Own(long, wide, pressure, (x, y, z), thick)
         scene = write_scene(folder, own, extends or PARENT)
         print("\n".join([*scene.remarks(), advice(scene)]))
         return

@@ -38,16 +38,25 @@ _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
 _WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
 _LEVELS = ("smoke", "draft", "coarse")
+_SECTION = ("h1", "h2", "l1", "gap", "b1", "b2", "roof", "channel")  # of [actuator]
+# keys of [mesh] in proportion to the finger's thickness, and to its length
+_CELLS = {"wall_cell", "wall_first_layer", "wall_distance", "tip_cell", "near_cell", "edge_layer"}
+_CELLS |= {"sheet_layer"}
+_REACHES = {"near_offset", "near_distance", "tip_transition"}
 
 
 @dataclass(frozen=True)
 class Own:
-    """What the user gives: length and width (m), pressure history (CSV), tank x, y, z (m)."""
+    """What the user gives: length and width (m), pressure history (CSV), tank x, y, z (m).
+
+    `thickness` (m): of the cross-section, whose shape is the shipped one's; None: its size, too.
+    """
 
     length: float
     width: float
     pressure: Path
     tank: tuple[float, float, float]
+    thickness: float | None = None
 
 
 def lengths(text: str, key: str, count: int, unit: str = "") -> tuple[float, ...]:
@@ -73,7 +82,10 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     """
     shipped = load_scene(parent)
     actuator, _ = sections(shipped)
-    _check_section(own, shipped.finger.thickness, actuator.b1)
+    scale = (own.thickness or shipped.finger.thickness) / shipped.finger.thickness
+    scaled = {key: round(scale * getattr(actuator, key), 7) for key in _SECTION}
+    actuator = actuator.model_copy(update=scaled | {"l2": scale * actuator.l2})
+    _check_section(own, scale * shipped.finger.thickness, actuator.b1)
     times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
@@ -83,7 +95,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
         table = Path(place) / "pressure.csv"
         write_text(table, f"t,p\n{history}")
-        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end)
+        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -98,7 +110,9 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "length": own.length,
         "width": own.width,
         "chambers": chambers,
-        "l2": round(cavity, 6),
+        "l2": round(cavity, 7),
+        "thickness": "" if scale == 1 else _thickness(own, shipped, scale),
+        "section": "" if scale == 1 else "".join(f"{key} = {v}\n" for key, v in scaled.items()),
         "first": step * (min(low, 0) - 1.0),
         "last": step * max(high, 1.0),
         "step": float(step),
@@ -109,7 +123,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "end": round(end, 6),
         "source_of_motion": "structure" if coupled else "fea",
         "sheet": "" if slower == 1 else _SHEET.format(shipped.sheet.rate_hz / slower),
-        "levels": _of_levels(own, shipped, slower),
+        "levels": _of_levels(own, shipped, slower, scale),
     }
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
@@ -131,6 +145,16 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     return scene
 
 
+def _thickness(own: Own, shipped: Scene, scale: float) -> str:
+    """Keys of [finger] for a cross-section of another size."""
+    finger = shipped.finger
+    return (
+        f"thickness = {own.thickness}  # m\n"
+        f"root_corner_radius = {scale * finger.root_corner_radius:.3g}\n"
+        f"tip = {{ corner_radius = {scale * finger.tip.corner_radius:.3g} }}\n"
+    )
+
+
 def _check_section(own: Own, thickness: float, side_wall: float) -> None:
     """StageError where the shipped cross-section (m) makes no finger of this size."""
     for option, size, least in (
@@ -139,10 +163,9 @@ def _check_section(own: Own, thickness: float, side_wall: float) -> None:
     ):
         if size < least * (1 - 1e-9):
             raise StageError(
-                f"{option}: {1e3 * size:g} mm is too little for the paper's cross-section,"
-                f" {1e3 * thickness:g} mm thick with side walls of {1e3 * side_wall:g} mm; give at"
-                f" least {1e3 * least:g} mm, or your own section: softfinger new with --extends"
-                " alone, then [actuator], finger.thickness and mesh of the levels"
+                f"{option}: {1e3 * size:g} mm is too little for a cross-section of the paper's"
+                f" shape, {1e3 * thickness:.3g} mm thick with side walls of {1e3 * side_wall:.3g}"
+                f" mm; give at least {1e3 * least:.3g} mm, or a smaller --thickness"
             )
 
 
@@ -167,20 +190,28 @@ def _up(value: float, unit: float) -> float:
     return round(math.ceil(round(value / unit, 6)) * unit, 6)
 
 
-def _likely(own: Own, shipped: Scene, chambers: int, end: float) -> ElasticFinger:
-    """The finger before its bending is analysed: the shipped one's section in its own width."""
+def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -> ElasticFinger:
+    """The finger before its bending is analysed: the shipped one's section in its own size.
+
+    `scale`: of lengths in the plane. Strains of the same shape at the same pressure are equal.
+    """
     states = read_states(shipped.folder / str(shipped.motion.states), shipped.finger.thickness)
     ends = np.diff(states.profile[:, -2:], axis=1)[:, 0]
     bend = np.unwrap(np.arctan2(ends[:, 1], ends[:, 0])) * chambers / shipped.actuator["chambers"]
     bend -= bend[np.argmin(np.abs(states.pressure))]
-    line = circular_states(states.pressure, bend, own.length, shipped.finger.thickness)
+    thickness = scale * shipped.finger.thickness
+    line = circular_states(states.pressure, bend, own.length, thickness)
     states = replace(states, profile=line.profile, thickness=line.thickness)
     if isinstance(states, BendingStates) and states.law is not None:
         wider, law = own.width / shipped.finger.width, states.law
-        parts = ("stiffness", "moment", "rubber_mass", "rubber_section", "air_section")
-        states = replace(
-            states, law=replace(law, **{name: wider * getattr(law, name) for name in parts})
-        )
+        powers = {"stiffness": 3, "moment": 2, "rubber_mass": 1, "rubber_section": 1}
+        sizes = {
+            name: wider * scale**power for name, power in (powers | {"air_section": 1}).items()
+        }
+        heights = ("neutral_axis", "air_height", "rubber_height", "clamped_length")
+        sizes |= dict.fromkeys(heights, scale) | {"curvature": 1 / scale}
+        values = {name: size * getattr(law, name) for name, size in sizes.items()}
+        states = replace(states, law=replace(law, **values))
     finger = {"length": own.length, "width": own.width, "root": (0.0, 0.0)}
     moved = {"strokes": (), "pressure_csv": str(own.pressure.resolve()), "end_time": end}
     scene = shipped.model_copy(
@@ -192,22 +223,22 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float) -> ElasticFinge
     return ElasticFinger.of(scene, states)
 
 
-def _pace(own: Own, shipped: Scene, chambers: int, end: float) -> tuple[float, bool]:
+def _pace(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -> tuple[float, bool]:
     """By how much the times of the shipped scene are longer, and whether water moves the finger.
 
-    A power of two: the tip goes as far in a step as that of the shipped scene or less; a vibration
-    and a run keep their least numbers of steps and pictures.
+    A power of two: the tip goes over as many cells in a step as that of the shipped scene or fewer;
+    a vibration and a run keep their least numbers of steps and pictures. `scale`: of the cells.
     """
-    finger = _likely(own, shipped, chambers, end)
+    finger = _likely(own, shipped, chambers, end, scale)
     of_vibration = finger.period / _PERIOD_STEPS / shipped.numerics.time_step
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
-    slower = _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
+    slower = scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
     slower = min(slower, max(of_vibration, 1.0), max(of_run, 1.0))
     return 2.0 ** math.floor(math.log2(slower)), finger.known
 
 
-def _of_levels(own: Own, shipped: Scene, slower: float) -> str:
-    """Tables of levels: times as fast as the tip, smaller far cells for a small tank."""
+def _of_levels(own: Own, shipped: Scene, slower: float, scale: float) -> str:
+    """Tables of levels: times as fast as the tip, cells for the thickness and a small tank."""
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
     text = ""
     layers = read_layers(shipped.folder / "scene.toml")
@@ -216,10 +247,25 @@ def _of_levels(own: Own, shipped: Scene, slower: float) -> str:
         if slower != 1:
             times = (slower * t for t in (scene.numerics.time_step, scene.numerics.write_interval))
             keys += "numerics = {{ time_step = {:g}, write_interval = {:g} }}\n".format(*times)
+        mesh = {} if scale == 1 else _scaled_mesh(scene, scale, own.length / shipped.finger.length)
         if scene.mesh.far_cell > largest:
-            keys += f"mesh = {{ far_cell = {largest:g} }}  # a quarter of the tank at most\n"
+            mesh["far_cell"] = largest  # a quarter of the tank at most
+        if mesh:
+            keys += f"mesh = {{ {', '.join(f'{key} = {value}' for key, value in mesh.items())} }}\n"
         text += f"\n[levels.{level}]\n{keys}" if keys else ""
     return text
+
+
+def _scaled_mesh(scene: Scene, scale: float, longer: float) -> dict[str, Any]:
+    """Keys of [mesh] (m) for a thickness and a length that are `scale` and `longer` times those."""
+    out = {}
+    for key in type(scene.mesh).model_fields:
+        value = getattr(scene.mesh, key)
+        size = scale if key in _CELLS else longer if key in _REACHES else 0.0
+        if size and np.any(value):
+            several = [float(f"{size * part:.4g}") for part in np.atleast_1d(value)]
+            out[key] = several if isinstance(value, tuple) else several[0]
+    return out
 
 
 _SHEET = """
@@ -241,7 +287,7 @@ water_depth = {depth}  # assumed: nine tenths of the height
 root = {root}  # assumed: {above:.0f} mm below the surface; x = 0 is the middle of the tank
 length = {length}  # m
 width = {width}  # m, along z
-
+{thickness}
 # The bending analysis (make fea). Assumed: cross-section and silicone of the paper's finger (keys
 # in {parent}/scene.toml), with as many chambers as the length takes:
 # chambers × (l2 + 2 l1) + (chambers − 1) × gap = finger.length.
@@ -249,7 +295,7 @@ width = {width}  # m, along z
 chambers = {chambers}
 l2 = {l2}  # length of a cavity (m)
 width = {width}
-
+{section}
 [fea]
 first_pressure_kpa = {first}  # {source} has {low:.3g} to {high:.3g} kPa
 last_pressure_kpa = {last}

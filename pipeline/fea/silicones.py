@@ -4,7 +4,12 @@ A data sheet's stress at 100 % of tension makes a neo-Hookean law: nominal stres
 thus μ = stress / 1.75. Dragon Skin 10 has then E = 3 μ = 259 kPa, and 264 kPa as a beam (Dubied et
 al., arXiv 2201.12560). Batches, mixing and cure change a silicone by tens of percent: in tensile
 tests (Maréchal et al., Soft Robotics 8:284, 2021, and its database) the stress at 100 % of tension
-is 0.27 to 0.5 of the data sheet's for Ecoflex and 0.74 to 0.94 of it for Dragon Skin.
+is 0.27 to 0.49 of the data sheet's for Ecoflex and 0.74 to 0.94 of it for Dragon Skin.
+
+The data sheets state psi: 8, 10, 12 (Ecoflex), 22, 49, 86 (Dragon Skin) and 272 (Smooth-Sil 950).
+All were compared with a second statement in 2026: a published table of these silicones, the
+abstract of Johnston et al., a model that quotes Polygerinos' coefficients, and for Smooth-Sil 950 a
+law that was fitted by others (C10 = 261, C01 = 98, C20 = 57.5 kPa; 1888 kPa at 100 %, 1211 kg/m³).
 """
 
 from typing import Any, NamedTuple

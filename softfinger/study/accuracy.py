@@ -3,10 +3,12 @@
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
+from pipeline.fea.up_to_date import check_states
 from pipeline.kinematics.camera_window import tip_path
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, open_run
@@ -22,6 +24,7 @@ from softfinger.study.machine_speed import probe
 from softfinger.study.rows import read_study
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)"
+_SHORT = ("smoke", "draft", "coarse")  # runs of a study from which errors can be extrapolated
 _UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -75,12 +78,14 @@ def results_of(scene: Scene) -> tuple[Path, str]:
             )
         why = f"those of {home.resolve().name} are of another motion ({', '.join(apart)})"
     try:
-        time = duration(_study_time(scene))
+        short, whole = (duration(_study_time(scene, only)) for only in (_SHORT, ()))
     except StageError as error:  # no table of runs, or a level of it is not this scene's
         raise StageError(f"{scene.folder}: {why}; {error}") from None
     raise StageError(
-        f"{scene.folder}: {why}; measure its own with {command('tradeoff', scene.folder)}, about"
-        f" {time} of CPU time"
+        f"{scene.folder}: {why}; measure its own with softfinger tradeoff"
+        f" {quote(str(scene.folder))} --only {','.join(_SHORT)}, about {short} of CPU time, which"
+        f" extrapolates the error of {_SHORT[-1]}, or by the whole study with"
+        f" {command('tradeoff', scene.folder)}, about {whole}"
     )
 
 
@@ -109,10 +114,11 @@ def study_table(scene: Scene) -> Path:
     )
 
 
-def _study_time(scene: Scene) -> float:
-    """The predicted CPU time of the study, s; equal stages count once."""
+def _study_time(scene: Scene, only: tuple[str, ...]) -> float:
+    """The predicted CPU time of the study, or of some runs, s; equal stages count once."""
     out, seconds = scene.folder / "out" / "studies" / "tradeoff", dict[str, float]()
-    for row in read_study(study_table(scene)):
+    rows = read_study(study_table(scene))
+    for row in (row for row in rows if not only or row.run in only):
         run = open_run(scene.folder, row.level, row.overrides, out / row.run)
         for stage in until(row.until):
             seconds[run.digest(stage.name)] = estimate(run, stage.name)[0]
@@ -240,8 +246,10 @@ def make_cheapest(
     error = parse_accuracy(accuracy) if accuracy else None
     time = parse_time(budget, "BUDGET") if budget else None
     last = parse_time(until, "--until") if until else np.inf
+    scene = open_run(folder).scene
+    check_states(scene)
     try:
-        path, warning = results_of(open_run(folder).scene)
+        path, warning = results_of(scene)
     except StageError:
         if time is None:
             raise

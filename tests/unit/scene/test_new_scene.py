@@ -15,10 +15,11 @@ PARENT = CASES / "single_finger"
 RAMP = "t,p\n3.0,0\n3.5,15000\n"
 
 
-def make(folder, length=0.05, width=0.02, tank=(0.4, 0.25, 0.25), rows=RAMP):
+def make(folder, length=0.05, width=0.02, tank=(0.4, 0.25, 0.25), rows=RAMP, thickness=None):
     folder.mkdir(exist_ok=True)
     (folder / "p.csv").write_text(rows)
-    return write_scene(folder / "mine", Own(length, width, folder / "p.csv", tank), PARENT)
+    own = Own(length, width, folder / "p.csv", tank, thickness)
+    return write_scene(folder / "mine", own, PARENT)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +47,25 @@ def test_chambers_pressures_tank_and_time_fit(tmp_path, length, width, tank):
     for level in ("smoke", "draft", "coarse", "medium"):
         load_scene(scene.folder, level)
     assert "about" in advice(scene)
+
+
+def test_a_small_finger_has_a_section_and_cells_of_its_size(tmp_path):
+    """10 x 4 mm was refused: the section was always 14.5 mm thick."""
+    scene = make(tmp_path, 0.010, 0.004, (0.12, 0.08, 0.06), thickness=0.003)
+    parent = load_scene(PARENT)
+    actuator, scale = sections(scene)[0], 3 / 14.5
+    assert actuator.length == pytest.approx(0.010, abs=1e-6)
+    assert actuator.h1 + actuator.b2 == pytest.approx(0.003, abs=1e-7)
+    assert actuator.l2 > 0
+    assert scene.finger.thickness == 0.003
+    for key in ("tip_cell", "wall_first_layer", "near_cell"):
+        wanted = scale * getattr(parent.mesh, key)
+        assert getattr(scene.mesh, key) == pytest.approx(wanted, rel=1e-3)
+    assert scene.mesh.near_distance == pytest.approx(parent.mesh.near_distance / 7, rel=1e-3)
+    assert scene.finger.tip.corner_radius == pytest.approx(0.002 * scale, rel=1e-2)
+    # with the shipped thickness the grids of the levels stay as they are
+    same = make(tmp_path / "same", thickness=0.0145)
+    assert "mesh" not in (same.folder / "scene.toml").read_text().split("[levels")[1]
 
 
 def test_times_follow_from_the_speed_of_the_tip_in_water(tmp_path):
@@ -86,7 +106,8 @@ def test_pressure_and_water_move_an_own_finger_unless_it_is_prescribed(tmp_path)
     "change, words",
     [
         ({"length": 0.22}, r"hangs? .* give a higher one, at least 278 mm"),
-        ({"length": 0.01}, r"--length: 10 mm is too little .* 14\.5 mm thick .* at least 29 mm"),
+        ({"length": 0.01}, r"--length: 10 mm is too little .* 14\.5 mm thick .* a smaller --thick"),
+        ({"length": 0.01, "thickness": 0.006}, r"--length: .* 6 mm thick .* at least 12 mm"),
         ({"width": 0.004}, r"--width: 4 mm is too little .* side walls of 2 mm; give at least 5"),
         ({"width": 0.3}, r"finger\.width = 0\.3 m does not fit"),
         ({"rows": "t,p\n0,0\n0.5,15\n"}, "looks like kPa"),

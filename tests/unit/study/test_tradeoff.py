@@ -12,10 +12,12 @@ from pipeline.kinematics.camera_window import _turns
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from postprocess.report.trust import level_error
+from softfinger.make import Machine
 from softfinger.study.accuracy import (
     Setting,
     choose,
     finest_within,
+    make_cheapest,
     parse_accuracy,
     parse_time,
     predicted_time,
@@ -99,9 +101,19 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
     ):
         with pytest.raises(StageError, match=words) as error:
             results_of(own_scene(tmp_path / name, text))
-        told = rf"softfinger tradeoff \S+/{name}, about [\d.]+ (h|min) of CPU time"
-        assert re.search(told, str(error.value))
+        short = (
+            rf"softfinger tradeoff \S+/{name} --only smoke,draft,coarse, about [\d.]+ (h|min) of"
+        )
+        assert re.search(short, str(error.value))
+        assert re.search(rf"softfinger tradeoff \S+/{name}, about [\d.]+ h", str(error.value))
     assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
+
+
+def test_a_scene_that_was_not_analysed_is_first_told_so(tmp_path):
+    """It was told that its length is not that of its parent's states."""
+    own = own_scene(tmp_path / "own", "[actuator]\nchambers = 6\n[finger]\nlength = 0.052\n")
+    with pytest.raises(StageError, match=r"chambers = 6.*analyse this scene's own with"):
+        make_cheapest(own.folder, "12%", "", "", Machine(), True)
 
 
 def test_a_budget_needs_no_measured_errors(tmp_path):
