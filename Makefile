@@ -5,7 +5,7 @@ LEVEL    ?= coarse
 SCENE    ?= single_finger
 NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
-VALUES   := LEVEL NP COUPLED ACCURACY BUDGET SLURM DPIV
+VALUES   := LEVEL NP COUPLED PIV ACCURACY BUDGET SLURM DPIV
 TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
     bench-piv evidence audit clean
 
@@ -42,6 +42,7 @@ help: ## this list
 	@echo "    NP=4 MPI ranks"
 	@echo "    ACCURACY=12% or BUDGET=10min: the cheapest, or the best, setting that was measured"
 	@echo "    COUPLED=1: pressure and water make the motion together, COUPLED=0: it is prescribed"
+	@echo "    PIV=0: a page of the flow alone, without camera and PIV, for less time"
 	@echo "    SLURM=1: as batch jobs"
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed -E 's/^([a-z-]+):.*## /make \1|/' \
 	    | awk -F'|' '{printf "%-22s%s\n", $$1, $$2}'

@@ -15,6 +15,7 @@ from softfinger.options import (
     CORES,
     DEFAULT_RANKS,
     Coupled,
+    Filmed,
     Level,
     Overrides,
     Quiet,
@@ -29,7 +30,7 @@ from softfinger.options import (
 from softfinger.study.command import job, schedule, study, tradeoff
 
 # values that make hands on by the environment
-MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "ACCURACY", "BUDGET", "SLURM", "DPIV")
+MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "PIV", "ACCURACY", "BUDGET", "SLURM", "DPIV")
 
 _UNTIL = "Last stage: see softfinger stages; with --accuracy: when it no longer counts, as 0.2s."
 app = App(
@@ -51,6 +52,7 @@ def run(
     ranks: RankCount = DEFAULT_RANKS,
     hosts: Annotated[Path | None, Parameter(help="MPI host file.")] = None,
     coupled: Coupled = None,
+    piv: Filmed = None,
     accuracy: Annotated[str, Parameter(env_var="ACCURACY", help="Largest error, as 12%.")] = "",
     budget: Annotated[str, Parameter(env_var="BUDGET", help="Longest time, as 10min.")] = "",
     slurm: Slurm = False,
@@ -64,6 +66,8 @@ def run(
     ----------
     coupled
         Pressure and water make the motion together, or it is prescribed; absent: as the scene.
+    piv
+        A virtual camera films the flow and PIV evaluates the film, or the page is of the flow alone.
     dry_run
         Print what would be made and why; make nothing.
     """
@@ -75,13 +79,14 @@ def run(
     part = until if (accuracy or budget) and until not in TARGETS else ""  # of the stroke
     until = "report" if part else until
     machine = Machine(ranks, min(ranks, CORES), hosts)
-    chosen: dict[str, Any] = {"COUPLED": coupled is not None, "SLURM": slurm}
+    moved = coupled is not None or piv is not None
+    chosen: dict[str, Any] = {"PIV" if coupled is None else "COUPLED": moved, "SLURM": slurm}
     chosen |= {"ACCURACY": accuracy, "BUDGET": budget}
     modes = [name for name, value in chosen.items() if value]
     others = {" and ".join(modes[1:]): len(modes) > 1, "--set": bool(set_), "--name": bool(name)}
     others |= {"--hosts": hosts is not None}
     others |= {"LEVEL, which it chooses": bool(accuracy or budget) and level != "coarse"}
-    if coupled is None:  # else it is one run of its own
+    if not moved:  # else it is one run of its own
         others |= {"one stage": until != "report", "--dry-run": dry_run}
     if modes and (other := next((name for name, value in others.items() if value), "")):
         raise StageError(f"{modes[0]} goes with a whole scene, not with {other}")
@@ -98,8 +103,8 @@ def run(
     else:
         made = (
             open_session(scene, level, set_, name)
-            if coupled is None
-            else open_moved(scene, level, coupled)
+            if not moved
+            else open_moved(scene, level, coupled, piv)
         )
         if dry_run:
             made.check(until)

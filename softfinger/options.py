@@ -23,6 +23,7 @@ Overrides = Annotated[
 ]
 Switch = Annotated[bool, Parameter(negative="")]
 Coupled = Annotated[bool | None, Parameter(env_var="COUPLED", negative="--prescribed")]
+Filmed = Annotated[bool | None, Parameter("--piv", env_var="PIV", negative="--no-piv")]
 Slurm = Annotated[bool, Parameter(env_var="SLURM", negative="", help="As batch jobs.")]
 SnakemakeFlags = Annotated[
     str, Parameter("--snakemake", help="Options of Snakemake, with --slurm and in studies.")
@@ -64,13 +65,18 @@ def open_moved(
     scene: Path,
     level: str,
     coupled: bool | None,
-    values: list[str] = [],  # noqa: B006
-    name: str = "",
+    filmed: bool | None = None,
 ) -> Any:
-    """Open a run as `open_session`, coupled or prescribed: in an own folder if its file differs."""
-    from pipeline.runs.run import open_run, other_motion
+    """Open the run of a scene, coupled or prescribed, with camera and PIV or without them.
 
-    plain = open_session(scene, level, values, name)
-    if coupled is None or coupled == plain.scene.coupled:
-        return plain
-    return open_run(scene, level, *other_motion(plain.scene))
+    It has a folder of its own where the scene's file says otherwise. None: as the file.
+    """
+    from pipeline.runs.run import open_run, other_films, other_motion
+
+    run = open_session(scene, level)
+    if coupled not in (None, run.scene.coupled):
+        run = open_run(scene, level, *other_motion(run.scene))
+    if filmed not in (None, run.scene.filmed):
+        more, out = other_films(run.scene)
+        run = open_run(scene, level, dict(run.overrides) | more, out)
+    return run

@@ -161,25 +161,27 @@ def write_case(
     bend_end: float = np.radians(100),
     spacing: float = 0.002,
     frames: int = 41,
-    with_piv: bool = True,
+    top: str = "",
     gain: float = 0.98,
     shift: float = 3e-4,
 ) -> Path:
-    """Write all stage files below `root`/cases/<scene>/out/<level>; returns cases/<scene>."""
+    """Write all stage files below `root`/cases/<scene>/out/<level>; returns cases/<scene>.
+
+    `top`: keys at the head of scene.toml.
+    """
     case = root / "cases" / scene
     out = case / "out" / level
     (out / "run").mkdir(parents=True, exist_ok=True)
-    (case / "scene.toml").write_text(SCENE)
+    (case / "scene.toml").write_text(top + SCENE)
     time = np.linspace(0.0, 0.4, frames)
     middle = 0.5 * (time[1:] + time[:-1])
     sheet = stroke_plane(time, bend_end, spacing)
     write_plane(sheet, out / "sheet.h5", source="cfd", tip_width=THICKNESS)
     _write_vortices(vortex_table(time, bend_end), out / "vortices_cfd.csv")
-    if with_piv:
-        piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
-        write_plane(piv, out / "piv.h5", source="piv", seed=2017, tip_width=THICKNESS)
-        seen = vortex_table(middle, bend_end, gain, shift, 0.005)
-        _write_vortices(seen, out / "vortices_piv.csv")
+    piv = stroke_plane(middle, bend_end, 2 * spacing, noise=0.002)
+    write_plane(piv, out / "piv.h5", source="piv", seed=2017, tip_width=THICKNESS)
+    seen = vortex_table(middle, bend_end, gain, shift, 0.005)
+    _write_vortices(seen, out / "vortices_piv.csv")
     _write_kinematics(time, bend_end, out / "kinematics.h5")
     _write_planform(bend_end, out)
     _write_run(time, bend_end, out, scene, level)

@@ -5,7 +5,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from pipeline.kinematics.values import kinematics_values
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.seal import is_sealed
 from pipeline.runs.sources import sources_digest
-from pipeline.runs.stages import BY_NAME, COUPLED, FEA, TARGETS, Stage, until
+from pipeline.runs.stages import BY_NAME, COUPLED, FEA, FILMED, TARGETS, Stage, until
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.structure.finger import ElasticFinger, modelled_speed
@@ -53,8 +53,11 @@ class Run:
         return self.scene.out
 
     def stage(self, name: str) -> Stage:
-        """The row of a stage, of a coupled run where the scene is one."""
-        return (COUPLED if self.scene.coupled else {}).get(name, BY_NAME[name])
+        """The row of a stage: of a coupled run, and without camera and PIV, where it is one."""
+        row = (COUPLED if self.scene.coupled else {}).get(name, BY_NAME[name])
+        if self.scene.filmed or name in FILMED:
+            return row
+        return replace(row, inputs=tuple(each for each in row.inputs if each not in FILMED))
 
     @property
     def motion(self) -> str:
@@ -235,6 +238,11 @@ def other_motion(scene: Scene) -> tuple[dict[str, Any], Path]:
         "title": f"{scene.title}, prescribed",
         "numerics.time_step": scene.numerics.time_step / parts,
     }, scene.out / "prescribed"
+
+
+def other_films(scene: Scene) -> tuple[dict[str, Any], Path]:
+    """Overrides and folder of a scene's run without camera and PIV, or with them if it has none."""
+    return {"filmed": not scene.filmed}, scene.out / ("flow" if scene.filmed else "filmed")
 
 
 def single_finger_out(pinch: Scene) -> Path:

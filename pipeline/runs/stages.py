@@ -115,7 +115,7 @@ STAGES = (
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
         ("vortices_cfd", "vortices_piv", "kinematics", "solve", "sheet", "piv"),
         ("comparison.json", "comparison.csv", "pairs_*.csv", "centreline_*.csv", "integrals_*.csv"),
-        {"name": True, "level": True}, cost=(3, 600), by_sources=True,
+        {"name": True, "level": True, "filmed": True}, cost=(3, 600), by_sources=True,
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
@@ -156,6 +156,7 @@ COUPLED = {
         ),
     )
 }  # fmt: skip
+FILMED = {"images", "piv", "pressure", "vortices_piv"}  # stages of the camera and of PIV
 TARGETS = tuple(dict.fromkeys(word for s in STAGES for word in (s.name, s.group) if word))
 
 

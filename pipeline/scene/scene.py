@@ -39,6 +39,8 @@ class Scene(Section):
 
     name: str
     title: str
+    filmed: bool = True
+    """By a virtual camera, for PIV; false: a page of the flow alone (PIV=0)"""
     level: str
     folder: Path
     parents: tuple[Path, ...] = ()  # folders of the scenes that it extends, nearest first

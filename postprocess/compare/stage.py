@@ -138,6 +138,8 @@ def compare(files: StageFiles) -> dict[str, Any]:
     own = files.findings if files.findings.exists() else None
     findings = read_findings(own or _AGREEMENT, frozenset(QUANTITIES))
     sentences = read_sentences(own or _AGREEMENT, findings)
+    if not files.numbers.filmed:  # nothing is judged on a page of the flow alone
+        own, findings, sentences = None, (), ()
     evidence = load_evidence(files)
     out = files.out
     run = RUN.read(files.required("run/run.json", "solve"))
@@ -182,7 +184,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     result = compare(files)
     if quiet:
         return
-    if not files.findings.exists():
+    if scene.filmed and not files.findings.exists():
         print(f"{files.findings} is missing: only the agreement of PIV with the CFD is judged")
     for check in result["checks"]:
         print(f"{check['id']:32s} {VERDICTS[check['met']]:10s} {measured_text(check)}")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.runs.stages import FILMED
 from pipeline.scene.scene import Scene
 
 
@@ -50,7 +51,8 @@ class StageFiles:
     def optional(self, name: str) -> Path | None:
         """Path of a file of the run, or None where the stage that makes it was not run."""
         path = self.out / name
-        return path if path.exists() else None
+        left_over = not self.numbers.filmed and path.stem in FILMED
+        return path if path.exists() and not left_over else None
 
 
 def scene_numbers(files: StageFiles) -> dict[str, Any]:

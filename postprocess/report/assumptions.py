@@ -74,7 +74,7 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
         ("Support", support),
         *([("Obstacles", _obstacles(scene.obstacle))] if scene.obstacle else []),
         *([("Contact", _contact(scene.pinch))] if scene.pinch else []),
-        ("PIV", piv),
+        *([("PIV", piv)] if scene.filmed else []),
         ("Files", f"The run reads {', '.join(_files(scene))}."),
     ]
 

@@ -101,8 +101,8 @@ def _others(album: Album, flow: Flow) -> None:
             with read_plane(measured) as series:
                 pressure_figure(album, series, plane, at)
     energy_figure(album, out)
-    if (out / "images.h5").exists():
-        camera_picture(album, out / "images.h5", at)
+    if film := flow.files.optional("images.h5"):
+        camera_picture(album, film, at)
     mesh_figures(album, read_planforms(motion / "planform.h5"), plane)
 
 

@@ -40,10 +40,10 @@ def timeline(album: Album, flow: Flow) -> None:
     texts = [_values(panels, time) for time in flow.film_times()]
     alt = "Motion, circulation of the tip vortex, force and difference of PIV and CFD over time."
     not_judged = "What lies outside it, or has a band (95 %) of more than ±10 %, is not judged. "
-    caption = (
-        f"Shaded: the middle of the stroke. {not_judged * (flow.clock.gap is None)}"
-        "Good: in it the two curves of the circulation lie on each other."
-    )
+    good = "Good: in it the two curves of the circulation lie on each other."
+    caption = f"Shaded: the middle of the stroke. {not_judged * (flow.clock.gap is None)}{good}"
+    if "piv" not in flow.planes:
+        caption = "Shaded: the middle of the stroke, over which the page averages."
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures
     height = float(np.clip(max(beside, 1.15 * len(panels)), 4.8, 7.5))
@@ -98,10 +98,12 @@ def vortex_figures(album: Album, flow: Flow) -> None:
     files, middle = flow.files, flow.middle
     if flow.dominant:
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
-        caption = (
-            "The finger at the first, middle and last instant. Good: the paths of CFD and PIV"
-            " cover each other; bars hold 95 % in the middle of the stroke."
-        )
+        caption = "The finger at the first, middle and last instant."
+        if "piv" in flow.planes:
+            caption += (
+                " Good: the paths of CFD and PIV cover each other; bars hold 95 % in the middle of"
+                " the stroke."
+            )
         figure = draw_series.paths(flow.dominant, flow.planes["cfd"], middle)
         album.add(figure, "paths.svg", "vortex", alt, caption)
     if files.out.resolve() != (files.scene_folder / "out" / files.level).resolve():

@@ -94,13 +94,8 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
     `trial`: why the level shows only that everything works, where it is such a one.
     """
     paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
-    if "piv" not in comparison["sources"]:
-        shown = sum(check["met_by"].get("cfd") is True for check in paper)
-        findings = f"; it shows {shown} of the paper's {len(paper)} findings" if paper else ""
-        return (
-            f"Undecided: PIV was not run at level {comparison['level']}, so this page shows"
-            f" the simulation alone{findings}."
-        )
+    if not comparison["checks"]:
+        return f"The flow alone, without camera and PIV: {trial or 'nothing is judged'}."
     agrees = comparison["verdict"]["agrees"]
     subject = "PIV of pictures made from this simulation"
     if trial:
@@ -217,9 +212,8 @@ def absences(comparison: dict[str, Any], finger: bool) -> list[str]:
     middle = "shows no vortex near the tip in the middle of the stroke"
     notes = {
         "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is"
-        " judged and nothing else.": comparison["provenance"]["findings_sha256"] is None,
-        f"PIV was not run at level {comparison['level']}: every picture shows the CFD alone and no"
-        " agreement is judged.": not has_piv,
+        " judged and nothing else.": comparison["checks"]
+        and comparison["provenance"]["findings_sha256"] is None,
         f"PIV {middle}, so the two vortices are not compared.": has_piv and "piv" not in seen,
         f"The CFD {middle}, so its series is not drawn.": "cfd" not in seen,
         "The uncertainty of the finger's shape and pressure (FEA band) was not propagated: bands"

@@ -66,11 +66,6 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def without_piv(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("without"), with_piv=False)
-
-
-@pytest.fixture(scope="module")
 def pinched(tmp_path_factory):
     return build(tmp_path_factory.mktemp("pinched"), write_pinch)
 
@@ -176,13 +171,22 @@ def test_a_circulation_that_missing_vectors_hide_is_undecided(tmp_path, shown, m
     assert counted in remarks.get("difference of circulation", counted)
 
 
-def test_without_piv_nothing_is_called_agreement(without_piv):
-    comparison = result(without_piv)
+def test_a_page_of_the_flow_alone_judges_nothing_and_shows_no_piv(tmp_path):
+    """Though PIV of an earlier run lies in its folder."""
+    files = build(tmp_path, top="filmed = false\n")
+    comparison = result(files)
+    assert (files.out / "piv.h5").exists()
+    assert comparison["sources"] == ["cfd"]
+    assert (comparison["checks"], comparison["sentences"]) == ([], [])
     assert comparison["verdict"]["agrees"] is None
-    assert {c["met"] for c in comparison["checks"]} == {None}
-    page = (without_piv.out / "report.html").read_text()
-    assert "Undecided: PIV was not run at level coarse" in page
-    assert "every picture shows the CFD alone" in page
+    page = (files.out / "report.html").read_text()
+    text = re.sub(r"data:[^\"']*|<script.*?</script>|<style.*?</style>", "", page, flags=re.S)
+    assert "The flow alone, without camera and PIV: nothing is judged." in text
+    for word in ("verdict", "Agree", "findings.toml", "What the paper says", "PIV less CFD"):
+        assert word not in re.sub("<pre.*?</pre>", "", text, flags=re.S), word
+    assert Page(page).errors == []
+    assert "tip vortex, CFD" in text
+    assert "circulation_cfd" in pd.read_csv(files.out / "comparison.csv")
 
 
 def test_the_page_is_well_formed_and_accessible(made):

@@ -11,9 +11,10 @@ from pydantic import BaseModel
 from pipeline.openfoam.base_case import BASE
 from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.stages import BY_NAME, STAGES
+from pipeline.runs.stages import BY_NAME, FILMED, STAGES
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
+from softfinger.options import open_moved
 from tests.conftest import CASES, write_scene
 
 FILES = {f"motion.{key}" for key in FILE_KEYS}  # whose content counts, not the name
@@ -53,6 +54,22 @@ def scenes() -> dict[str, Scene]:
 def keys() -> list[tuple[str, str]]:
     known = [(name, key) for name, scene in scenes().items() for key, _ in variants(scene)]
     return [(name, key) for name, key in known if key not in FILES]
+
+
+def test_a_run_of_the_flow_alone_makes_neither_pictures_nor_piv(tmp_path):
+    """Its solution is that of the whole run, which it takes over."""
+    folder = write_scene(tmp_path / "tiny").folder
+    whole, alone = (open_moved(folder, "tiny", None, filmed) for filmed in (None, False))
+    assert alone.out == whole.out / "flow"
+    assert {*whole.stale("report")} - {*alone.stale("report")} == FILMED
+    for stage in ("solve", "sheet", "vortices_cfd", "loads"):
+        assert alone.digest(stage) == whole.digest(stage)
+    assert alone.digest("compare") != whole.digest("compare")
+    coupled = open_moved(folder, "tiny", True, False)
+    assert coupled.out == whole.out / "coupled" / "flow"
+    assert coupled.scene.coupled
+    again = open_moved(folder, "tiny", None, True)
+    assert again.out == whole.out
 
 
 def with_those_after(stages: set[str]) -> set[str]:

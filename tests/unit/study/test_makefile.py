@@ -52,6 +52,8 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "LEVEL=smoke", "NP=0"], "NP=0: give 1 or more"),
         (["single_finger", "LEVEL=smoke", "NP=two"], 'unable to convert "two"'),
         (["single_finger", "COUPLED=1", "BUDGET=1min"], "COUPLED goes with a whole scene, not wi"),
+        (["single_finger", "PIV=0", "BUDGET=1min"], "PIV goes with a whole scene, not with BUD"),
+        (["fea", "PIV=0"], "fea does not use PIV"),
         (["single_finger", "LEVEL=fine", "ACCURACY=12%"], "not with LEVEL, which it chooses"),
         (["single_finger", "ACCURACY=many"], "ACCURACY=many: give a share"),
         (["single_finger", "BUDGET=1"], "BUDGET=1: give a time"),
