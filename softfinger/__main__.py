@@ -27,7 +27,8 @@ from softfinger.options import (
     open_moved,
     open_session,
 )
-from softfinger.study.command import job, schedule, study, tradeoff
+from softfinger.show import figures, view
+from softfinger.study.command import job, plot, schedule, study, tradeoff
 
 # values that make hands on by the environment
 MAKE_VALUES = ("LEVEL", "NP", "COUPLED", "PIV", "ACCURACY", "BUDGET", "SLURM", "DPIV")
@@ -36,7 +37,10 @@ _UNTIL = "Last stage: see softfinger stages; with --accuracy: when it no longer 
 app = App(
     "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
 )
+app.command(figures)
+app.command(view)
 app.command(study)
+app.command(plot)
 app.command(tradeoff)
 app.command(job, show=False)
 
@@ -67,7 +71,7 @@ def run(
     coupled
         Pressure and water make the motion together, or it is prescribed; absent: as the scene.
     piv
-        A virtual camera films the flow and PIV evaluates the film, or the page is of the flow alone.
+        A virtual camera films the flow for PIV, or the page is of the flow alone.
     dry_run
         Print what would be made and why; make nothing.
     """
@@ -149,33 +153,6 @@ def fea(
     if processes < 1:
         raise StageError(f"NP={processes}: give 1 or more")
     analyse(open_session(scene, level).scene, quiet, processes=processes)
-
-
-@app.command
-def view(
-    scene: SceneFolder,
-    *,
-    level: Level = "coarse",
-    ranks: RankCount = DEFAULT_RANKS,
-    quiet: Quiet = False,
-    coupled: Coupled = None,
-    whole: Switch = False,
-) -> None:
-    """Write a run as a time series for ParaView.
-
-    Parameters
-    ----------
-    coupled
-        The run in which pressure and water make the motion together, or the prescribed one.
-    whole
-        Mirror at the planes of symmetry: the whole tank.
-    """
-    from pipeline.paraview.command import view as write
-    from softfinger.make import Machine, make
-
-    made = open_moved(scene, level, coupled)
-    make(made, "solve", Machine(ranks, min(ranks, CORES)), quiet)
-    write(made.scene, whole, quiet)
 
 
 @app.command

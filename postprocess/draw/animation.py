@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ def pixels(figure: Figure) -> ndarray:
     return np.ascontiguousarray(image)
 
 
-def write_picture(image: ndarray, path: Path, **more: int) -> None:
+def write_picture(image: ndarray, path: Path, **more: Any) -> None:
     """Write an image (grey or RGB bytes) in the format of its suffix; `more` as Pillow takes it."""
     content = io.BytesIO()
     Image.fromarray(image).save(content, format=path.suffix[1:], **more)

@@ -35,6 +35,7 @@ _RC: dict[str, Any] = {
     "lines.linewidth": 1.8,
     "legend.frameon": False,
     "svg.fonttype": "path",
+    "pdf.fonttype": 42,  # TrueType, as journals ask for
     "svg.hashsalt": "softfinger",  # equal pictures give equal files
 }
 # not a context around drawing: titles and labels take their style when they are set
@@ -52,8 +53,9 @@ def new_figure(
 
 def save(figure: Figure, path: Path, **more) -> Path:
     """Write a figure in the format of its suffix, whole or not at all."""
-    if path.suffix == ".svg":
-        more["metadata"] = {"Date": None}
+    undated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    if path.suffix in undated:
+        more["metadata"] = undated[path.suffix]
     content = io.BytesIO()
     figure.savefig(content, format=path.suffix[1:], facecolor="white", **more)
     write_bytes(path, content.getbuffer())

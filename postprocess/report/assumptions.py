@@ -68,6 +68,7 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
     )
     return [
         ("Motion", motion),
+        *([("Actuator", _actuator(scene))] if scene.actuator and not scene.body else []),
         ("Water surface", surface),
         ("Turbulence", f"{flow} Reynolds number by {name} width {reynolds:,.0f}."),
         ("Model", model),
@@ -86,6 +87,25 @@ def _files(scene: Scene) -> list[str]:
     results = scene.fea.get("results", {})
     named += [results.get(key) for key in ("file", "displacements")]
     return ["scene.toml", *(f"{name}/scene.toml" for name in parents), *filter(None, named)]
+
+
+def _actuator(scene: Scene) -> str:
+    """The actuator, its materials, the states of its bending and the pressure that drives it."""
+    actuator, motion = scene.actuator, scene.motion
+    layers = actuator.get("materials") or {}
+    named = actuator.get("material") or {
+        layer: part.get("material") or part.get("name") or part.get("law", "not named")
+        for layer, part in layers.items()
+    }
+    if isinstance(named, dict):
+        named = ", ".join(f"{layer} layer of {name}" for layer, name in named.items())
+    length, width = 1e3 * scene.finger.length, 1e3 * scene.finger.width
+    size = f"{actuator.get('chambers', 'imported')} chambers, {length:g} × {width:g} mm; {named}"
+    strokes = ", ".join(
+        f"to {s.pressure_kpa:g} kPa in {s.duration:g} s from {s.start:g} s" for s in motion.strokes
+    )
+    states = f"; bending: {motion.states}" if motion.states else ""
+    return f"{size}{states}; pressure: {motion.pressure_csv or strokes}."
 
 
 def _share(share: float) -> str:

@@ -5,9 +5,11 @@ from contextlib import contextmanager, nullcontext
 from functools import partial
 from itertools import chain
 from operator import call
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from pipeline.formats.finger_loads import motion_sentence, read_loads
 from pipeline.formats.mesh_intervals import read_planforms
@@ -19,12 +21,13 @@ from postprocess.evidence.load import read_clock, read_sources
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report.flow_figures import Flow, instant_figures, slider_frames, tip_vortices
 from postprocess.report.motion_figures import bending_figure, water_figure
-from postprocess.report.picture_index import Album
+from postprocess.report.picture_index import Album, PrintAlbum
 from postprocess.report.pinch_figures import pinch_figures
 from postprocess.report.pressure_figures import pressure_figure
 from postprocess.report.run_figures import camera_picture, energy_figure, mesh_figures
 from postprocess.report.space_figures import space_figures
-from postprocess.report.time_figures import timeline, vortex_figures
+from postprocess.report.time_figures import series, timeline, vortex_figures
+from postprocess.tables import write_table
 
 _Job = Callable[[], list]
 
@@ -104,6 +107,23 @@ def _others(album: Album, flow: Flow) -> None:
     if film := flow.files.optional("images.h5"):
         camera_picture(album, film, at)
     mesh_figures(album, read_planforms(motion / "planform.h5"), plane)
+
+
+def print_figures(files: StageFiles) -> Path:
+    """Write the pictures of a report that is made for print, and series.csv; returns the folder.
+
+    The film and the frames of the slider are left out.
+    """
+    album = PrintAlbum(files.out / "print")
+    with _flow(files) as flow:
+        _others(album, flow)
+        instant_figures(album, flow)
+        write_table(album.folder / "series.csv", series(flow))
+    for entry in FIGURES.read(files.required("figures/figures.json", "figures"))["entries"]:
+        if entry["section"] == "space":
+            with Image.open(files.figures / entry["file"]) as picture:
+                album.add(np.asarray(picture.convert("RGB")), entry["file"])
+    return album.folder
 
 
 def run(scene: Scene, quiet: bool = False, threads: int = 1) -> None:

@@ -106,13 +106,12 @@ def instant_figures(album: Album, flow: Flow) -> None:
     x0, x1, y0, y1 = flow.region()
     rows = len(flow.planes) if x1 - x0 > y1 - y0 else 1  # side by side a wide region is small
     panel = (WIDTH - EDGES) * rows / len(flow.planes)
-    show = flow.images(flow.planes, dpi=190, panel=panel, rows=rows)
+    show = flow.images(flow.planes, dpi=album.dpi, panel=panel, rows=rows)
     for number, time in enumerate(flow.instants()):
         instant = draw_flow.format_instant(flow.planes["cfd"], time)
         alt = f"Velocity vectors around the {body} at {instant}, {sources}."
-        animation.write_picture(show(time), album.folder / f"flow_{number}.webp", quality=90)
         more = {"time": float(time), "layout": "beside" if rows == 1 else "stacked"}
-        album.add(None, f"flow_{number}.webp", "flow", alt, instant, **more)
+        album.add(show(time), f"flow_{number}.webp", "flow", alt, instant, **more)
 
 
 def slider_frames(album: Album, flow: Flow, source: str) -> None:

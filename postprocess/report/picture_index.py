@@ -4,12 +4,19 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from numpy import ndarray
 
+from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
+
+_QUALITY = 90  # of 100
+_PRINTED: dict[str, dict[str, Any]] = {".pdf": {"resolution": 300.0}, ".png": {"dpi": (300, 300)}}  # as Pillow takes them
 
 
 class Album:
     """Writes pictures into a folder and remembers section, alternative text and caption of each."""
+
+    dpi = 190.0  # of pictures that are drawn by pixels
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -17,22 +24,39 @@ class Album:
 
     def add(
         self,
-        figure: Figure | None,
+        figure: Figure | ndarray | None,
         name: str,
         section: str,
         alt: str,
         caption: str = "",
         **more: Any,
     ) -> None:
-        """Save a figure (None: the file is there already) and list it in a section.
+        """Save a figure or an image (None: the file is there already) and list it in a section.
 
         A figure over time is listed with its axis, so that the page can show an instant in it.
         """
-        if figure is not None:
+        if isinstance(figure, ndarray):
+            write_picture(figure, self.folder / name, quality=_QUALITY)
+        elif figure is not None:
             save(figure, self.folder / name)
             more |= time_axis(figure)
         entry = {"file": name, "section": section, "alt": alt, "caption": caption}
         self.entries.append(entry | more)
+
+
+class PrintAlbum(Album):
+    """The pictures for print: each as PDF and as PNG, 300 dpi."""
+
+    dpi = 300.0
+
+    def add(self, figure: Figure | ndarray | None, name: str, *_: str, **more: Any) -> None:
+        """Save a figure or an image in both formats."""
+        for suffix, resolution in _PRINTED.items():
+            path = (self.folder / name).with_suffix(suffix)
+            if isinstance(figure, ndarray):
+                write_picture(figure, path, **resolution)
+            elif figure is not None:
+                save(figure, path, dpi=self.dpi)
 
 
 def time_axis(figure: Figure) -> dict[str, Any]:

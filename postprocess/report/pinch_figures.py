@@ -1,13 +1,13 @@
 """The report's pictures of a pinch: both pairs of vortices, and the closing."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray
 
 from pipeline.formats.kinematics import read_kinematics
-from postprocess.draw import animation
 from postprocess.draw import flow as draw_flow
 from postprocess.draw import pinch as draw_pinch
 from postprocess.draw.flow import EDGES
@@ -58,16 +58,16 @@ def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
     ]
     shown = {"cfd": [vortex for vortex in marked if len(vortex)]}
     for name, time in instants.items():
+        size: dict[str, Any] = {"dpi": album.dpi, "panel": WIDTH - EDGES}
         show = draw_flow.flow_figure(
-            {"cfd": plane}, shown, flow.scale, limit, flow.region(), dpi=190, panel=WIDTH - EDGES
+            {"cfd": plane}, shown, flow.scale, limit, flow.region(), **size
         )
-        animation.write_picture(show(time), album.folder / f"pair_{name}.webp", quality=90)
         gap = f"{clock.gap_at(np.array([time]))[0] * 1e3:.1f} mm of gap"
         between = "downward" if name == "dorsal" else "upward"
         text = f"The {name} pair, flow between it {between}, {time:.3f} s, {gap}"
         alt = f"Velocity vectors and vorticity of the CFD. {text}."
         caption = f"{text}. Circles: as wide as the region that turns."
-        album.add(None, f"pair_{name}.webp", "pinch", alt, caption)
+        album.add(show(time), f"pair_{name}.webp", "pinch", alt, caption)
 
 
 def _free_gap(path: Path, time: ndarray) -> ndarray:

@@ -7,7 +7,6 @@ import xarray as xr
 
 from pipeline.formats.records import POWER, POWER_TERMS, RUN
 from piv.formats.recording import open_recording_file
-from postprocess.draw import animation
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
 from postprocess.draw.style import HEIGHT, WIDTH
@@ -53,7 +52,6 @@ def camera_picture(album: Album, recording: Path, time: float) -> None:
         image, at = file["frames"][index].astype(float), float(file["time"][index])
     rows = round(image.shape[1] * HEIGHT / WIDTH)  # of the shape of the figures beside it
     grey = np.clip(image[:rows] / np.percentile(image, 99.7), 0, 1) * 255
-    animation.write_picture(grey.astype(np.uint8), album.folder / "camera.webp", quality=80)
     alt = f"A synthetic camera picture of the seeded water at {at:.3f} s; the finger is black."
     caption = f"What the virtual camera sees at {at:.3f} s; PIV is done on such pictures."
-    album.add(None, "camera.webp", "solve", alt, caption)
+    album.add(grey.astype(np.uint8), "camera.webp", "solve", alt, caption)

@@ -12,7 +12,6 @@ from pipeline.paraview.fields import RunFields
 from pipeline.paraview.grids import mirror_planes, with_mirror_image
 from piv.formats.plane_series import make_plane
 from piv.plots.film import write_film
-from postprocess.draw import animation
 from postprocess.draw.flow import EDGES
 from postprocess.draw.space import Stage, View
 from postprocess.draw.style import MM, WIDTH
@@ -85,22 +84,20 @@ def space_figures(folder: Path, flow: Flow) -> list[dict[str, Any]]:
         ("end", "Nine tenths of the stroke", min(end, last)),
     ):
         file = f"space_{part}.webp"
-        animation.write_picture(picture(time, _STILL_DEG), album.folder / file, quality=88)
         text = f"{at}, {time:.3f} s"
-        album.add(None, file, "space", f"{text}: {what}, seen in space.", text)
+        album.add(picture(time, _STILL_DEG), file, "space", f"{text}: {what}, seen in space.", text)
     planes = {
         f"z = {z * MM:.0f} mm": _slice(fields, view, middle, z, flow)
         for z in (0.0, width / 4, width * _BESIDE)
     }
     image = flow.images(planes, panel=(2 * WIDTH - EDGES) / len(planes), dpi=140)(middle)
-    animation.write_picture(image, album.folder / "slices.webp", quality=88)
     alt = f"Velocity and vorticity at {middle:.3f} s in three planes beside each other"
     caption = (
         f"How three-dimensional the flow is, {middle:.3f} s: in the sheet, half-way to the {name}'s"
         " side and beside it. Were the flow plane, all three would be alike; the tip's vortex ends"
         " where the colours fade, and bends into those along the edges."
     )
-    album.add(None, "slices.webp", "space", alt, caption, layout="wide")
+    album.add(image, "slices.webp", "space", alt, caption, layout="wide")
     times = np.linspace(0.0, last, FRAMES)
     turns = np.linspace(*_TURN_DEG, FRAMES)
     frames = (picture(t, turn) for t, turn in zip(times, turns, strict=True))

@@ -69,6 +69,31 @@ def _motion(flow: Flow) -> Panels:
     return [(shown[1], [Curve(clock, shown[0])])]
 
 
+def series(flow: Flow) -> pd.DataFrame:
+    """What the page draws over time, as one table at the instants of the sheet, in SI and degrees.
+
+    Circulations are empty where the tip vortex is not followed; of a pinch by finger.
+    """
+    files, plane = flow.files, flow.planes["cfd"]
+    time = plane["time"].values
+    table = {"time_s": time}
+    kinematics = read_kinematics(files.numbers.motion_folder / "kinematics.h5")
+    if files.numbers.body is None:
+        pressure = kinematics.data["pressure"].values
+        table["pressure_Pa"] = np.interp(time, kinematics.law.x, pressure)
+    table["bend_deg"] = np.degrees(plane["bend"].values[:, 0])
+    table |= {f"tip_{axis}_m": plane["tip"].values[:, 0, k] for k, axis in enumerate("xy")}
+    forces = FORCES.read(files.out / "run" / "forces.csv")
+    for axis in "xyz":
+        table[f"force_{axis}_N"] = np.interp(time, forces["time"], forces[f"f{axis}"])
+    for source, tracks in flow.dominant.items():
+        for finger, track in enumerate(tracks):
+            name = f"circulation_{source}{f'_{finger}' * (len(tracks) > 1)}_m2_per_s"
+            values = track["circulation"].astype(float)
+            table[name] = np.interp(time, track["time"], values, np.nan, np.nan)
+    return pd.DataFrame(table)
+
+
 def _forces(path: Path) -> list[Curve]:
     table = FORCES.read(path)
     time = table["time"].to_numpy()

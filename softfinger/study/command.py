@@ -49,6 +49,41 @@ def study(
     return plan
 
 
+def plot(
+    table: Annotated[Path, Parameter(help="table.csv of a study.")],
+    x: Annotated[str, Parameter(help="A column, as mesh.tip_cell.")],
+    y: Annotated[str, Parameter(help="Another, as peak_force_N.")],
+    *,
+    output: Annotated[Path, Parameter(["--output", "-o"], help=".png, .pdf or .svg")],
+) -> None:
+    """Draw a column of a study's table over another: a point for each run, by level a line."""
+    import pandas as pd
+
+    from piv.files.errors import suggestion
+    from postprocess.draw.style import HEIGHT, WIDTH, new_figure, save
+
+    if output.suffix not in (".png", ".pdf", ".svg"):
+        raise StageError(f"--output {output}: give a name that ends in .png, .pdf or .svg")
+    if not table.is_file():
+        raise StageError(f"{table}: no such table; softfinger study writes it")
+    runs = pd.read_csv(table, comment="#")
+    for name in (x, y):
+        if name not in runs:
+            near = suggestion(name, runs.columns)
+            raise StageError(f"{table}: no column {name}{near}; it has {', '.join(runs.columns)}")
+    known = runs.dropna(subset=[x, y]).sort_values(x)
+    if known.empty:
+        raise StageError(f"{table}: no run has both {x} and {y}; run the study again")
+    figure, ax = new_figure(WIDTH, HEIGHT)
+    for level, rows in known.groupby("level", sort=False):
+        ax.plot(rows[x], rows[y], "o-", label=level)
+    for run, *place in known[["run", x, y]].itertuples(index=False):
+        ax.annotate(run, place, xytext=(4, 4), textcoords="offset points", size=7)
+    ax.set(xlabel=x, ylabel=y)
+    ax.legend()
+    print(f"plot: {save(figure, output, dpi=300)}")
+
+
 def tradeoff(
     scene: SceneFolder = Path("cases/single_finger"),
     *,

@@ -9,15 +9,23 @@ from importlib import import_module
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
 from pipeline.scene.scene import load_scene
 from piv.files.record import write_record
 from postprocess.compare import stage as compare
-from postprocess.draw.style import save
+from postprocess.draw.style import WIDTH, save
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.report import figures, flow_figures, picture_index, time_figures, wording
+from postprocess.report import (
+    assumptions,
+    figures,
+    flow_figures,
+    picture_index,
+    time_figures,
+    wording,
+)
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
 
@@ -303,6 +311,39 @@ def test_the_page_of_a_pinch_shows_both_fingers(pinched):
         assert (pairs["circulation_0"] < 0).all()
         lines = pd.read_csv(pinched.out / f"centreline_{source}.csv")
         assert len(lines) > 10
+
+
+def test_pictures_for_print_and_one_table_of_all_series(made):
+    folder = figures.print_figures(made)
+    names = {path.name for path in folder.iterdir()}
+    assert {"timeline.pdf", "timeline.png", "flow_0.pdf", "flow_0.png", "series.csv"} <= names
+    assert {name.rpartition(".")[0] for name in names if name.endswith(".pdf")} == {
+        name.rpartition(".")[0] for name in names if name.endswith(".png")
+    }
+    with Image.open(folder / "timeline.png") as picture:
+        assert picture.info["dpi"] == pytest.approx((300, 300), abs=0.1)
+        assert picture.width == pytest.approx(300 * WIDTH, abs=2)
+    table = pd.read_csv(folder / "series.csv")
+    assert list(table.columns[:6]) == [
+        "time_s", "pressure_Pa", "bend_deg", "tip_x_m", "tip_y_m", "force_x_N",
+    ]  # fmt: skip
+    assert table["bend_deg"].iloc[-1] == pytest.approx(100, abs=1)  # of the made-up stroke
+    assert table["pressure_Pa"].max() == pytest.approx(20e3, rel=0.05)
+    seen = table["circulation_piv_m2_per_s"] / table["circulation_cfd_m2_per_s"]
+    assert seen.median() == pytest.approx(0.98, abs=0.01)  # its gain
+
+
+def test_the_page_names_pressure_and_strokes(made):
+    scene = made.numbers.model_copy(update={"actuator": {"chambers": 6, "material": "Ecoflex"}})
+    text = dict(assumptions.statements(scene, 0.3, 0.1))["Actuator"]
+    assert text.startswith("6 chambers, 70 × 28 mm; Ecoflex")
+    assert "pressure: to 20 kPa in 0.3 s from 0.02 s." in text
+    layers = {"upper": {"name": "A"}, "lower": {"law": "yeoh"}}
+    motion = scene.motion.model_copy(update={"pressure_csv": "p.csv", "strokes": ()})
+    scene = scene.model_copy(update={"actuator": {"materials": layers}, "motion": motion})
+    text = dict(assumptions.statements(scene, 0.3, 0.1))["Actuator"]
+    assert "upper layer of A, lower layer of yeoh" in text
+    assert text.endswith("pressure: p.csv.")
 
 
 def test_processes_change_no_picture(made, tmp_path):

@@ -14,7 +14,7 @@ from piv.files.errors import StageError
 from piv.files.record import read_record
 from softfinger import __main__ as program
 from softfinger.make import Machine, make
-from softfinger.study.command import schedule
+from softfinger.study.command import plot, schedule
 from softfinger.study.outcome import write_outcome
 from softfinger.study.plan import describe, plan_study, run_job
 from softfinger.study.rows import parse_cell, read_study
@@ -265,3 +265,14 @@ def test_a_key_of_another_kind_is_said_in_the_words_of_the_file(tmp_path, text, 
     (folder / "scene.toml").write_text(f'extends = "{CASES / "single_finger"}"\n{text}')
     with pytest.raises(StageError, match=words):
         load_scene(folder, "smoke")
+
+
+def test_a_column_over_another_is_drawn_or_what_is_missing_is_named(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("run,level,mesh.tip_cell,peak_force_N\na,draft,1,2\nb,draft,2,3\nc,smoke,3,\n")
+    plot(path, "mesh.tip_cell", "peak_force_N", output=tmp_path / "out.pdf")
+    assert (tmp_path / "out.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(StageError, match=r"no column peak_force\b.*did you mean peak_force_N"):
+        plot(path, "mesh.tip_cell", "peak_force", output=tmp_path / "out.pdf")
+    with pytest.raises(StageError, match=r"out\.doc: give a name that ends in \.png"):
+        plot(path, "mesh.tip_cell", "peak_force_N", output=tmp_path / "out.doc")
