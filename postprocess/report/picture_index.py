@@ -10,7 +10,8 @@ from postprocess.draw.animation import write_picture
 from postprocess.draw.style import save
 
 _QUALITY = 90  # of 100
-_PRINTED: dict[str, dict[str, Any]] = {".pdf": {"resolution": 300.0}, ".png": {"dpi": (300, 300)}}  # as Pillow takes them
+# as Pillow takes them
+_PRINTED: dict[str, dict[str, Any]] = {".pdf": {"resolution": 300.0}, ".png": {"dpi": (300, 300)}}
 
 
 class Album:
