@@ -11,7 +11,10 @@ from postprocess.draw.style import save
 
 _QUALITY = 90  # of 100
 # as Pillow takes them
-_PRINTED: dict[str, dict[str, Any]] = {".pdf": {"resolution": 300.0}, ".png": {"dpi": (300, 300)}}
+_PRINTED: dict[str, dict[str, Any]] = {
+    ".pdf": {"resolution": 300.0, "quality": 95},
+    ".png": {"dpi": (300, 300)},
+}
 
 
 class Album:

@@ -95,7 +95,10 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
     """
     paper = [check for check in comparison["checks"] if check["kind"] == "paper"]
     if not comparison["checks"]:
-        return f"The flow alone, without camera and PIV: {trial or 'nothing is judged'}."
+        alone = "The flow alone, without camera and PIV"
+        if trial:
+            return f"{alone}; its numbers are not those of the finger: {trial}."
+        return f"{alone}: nothing is judged."
     agrees = comparison["verdict"]["agrees"]
     subject = "PIV of pictures made from this simulation"
     if trial:
