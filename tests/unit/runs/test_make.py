@@ -12,6 +12,7 @@ import pytest
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import STAGES
+from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.record import read_record, record_path, write_record
@@ -21,12 +22,18 @@ from tests.conftest import CASES, write_scene
 ONE = Machine()
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a small scene whose motion and mesh are made."""
+    scene = write_scene(tmp_path_factory.mktemp("made") / "scene")
+    make(Run(scene), "mesh", ONE, quiet=True)
+    return scene.folder
+
+
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
-    """A small scene whose motion and mesh are made."""
-    made = Run(write_scene(tmp_path / "scene"))
-    make(made, "mesh", ONE, quiet=True)
-    return made
+def run(made: Path, tmp_path: Path) -> Run:
+    """A copy of that scene, with its results."""
+    return Run(load_scene(shutil.copytree(made, tmp_path / "scene", symlinks=True), "tiny"))
 
 
 def again(run: Run, **values) -> Run:
