@@ -158,21 +158,10 @@ def _runs(row, out):
 
 @fast
 def pair_moments(
-    a,
-    usable_a,
-    b,
-    usable_b,
-    knots_x,
-    knots_y,
-    first_y,
-    weights_y,
-    first_x,
-    weights_x,
-    wanted,
-    around,
-    out,
-):
-    """Products (newton_step.cell_moments) of `a` moved by the knots' B-spline and `b` against it.
+    a, usable_a, b, usable_b, knots_x, knots_y, first_y, weights_y, first_x, weights_x,
+    wanted, around, out,
+):  # fmt: skip
+    """Products (cell_moments.cell_moments) of `a` moved by the knots' B-spline and `b` against it.
 
     a, b: images padded by PAD px, float32; usable: the same shape, uint8, 0 where masked; knots
     (ny+4, nx+4) with the tables of interpolate.bspline_table for every row and column; wanted:
@@ -230,15 +219,6 @@ def pair_moments(
             at[k] = (CELL * j - 2 + k) % ROWS
         for run in range(_runs(wanted[j], runs)):
             cell_row(
-                warped_a,
-                warped_b,
-                weight,
-                j,
-                runs[run, 0],
-                runs[run, 1],
-                at,
-                rows,
-                columns,
-                sums,
-                out,
-            )
+                warped_a, warped_b, weight, j, runs[run, 0], runs[run, 1], at, rows, columns,
+                sums, out,
+            )  # fmt: skip

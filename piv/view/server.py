@@ -77,113 +77,121 @@ class _Answers:
 def serve(
     session: Session, output: Path, port: int, show: bool, ready: Callable[[str], None]
 ) -> None:
-    """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address.
-
-    A request is answered only with the secret of the address in it and with a Host of this machine:
-    a page of a stranger knows neither the one nor, by DNS rebinding, the other.
-    """
-    secret, one = secrets.token_urlsafe(16), threading.Lock()
-    page = files("piv.view").joinpath("page.html").read_bytes()
-    actions = _Answers(session, output)
-
-    class Handler(BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1"
-
-        def _reply(self, status: int, body: bytes, kind: str) -> None:
-            self.send_response(status)
-            for name, value in (
-                ("Content-Type", kind),
-                ("Content-Length", str(len(body))),
-                ("Cache-Control", "no-store"),
-                ("Referrer-Policy", "no-referrer"),
-                ("X-Content-Type-Options", "nosniff"),
-                ("Content-Security-Policy", _POLICY),
-            ):
-                self.send_header(name, value)
-            self.end_headers()
-            self.wfile.write(body)
-
-        def _requested(self) -> str | None:
-            """The name in a request of the page; None, and a refusal, of a stranger."""
-            parts = urlsplit(self.path).path.split("/")
-            host = self.headers.get("Host", "")
-            origin = self.headers.get("Origin", f"http://{host}")
-            if (
-                host not in hosts
-                or origin != f"http://{host}"
-                or len(parts) != 3
-                or not secrets.compare_digest(parts[1].encode(), secret.encode())
-            ):
-                self.close_connection = True
-                self._reply(403, b"This page is open to the address that piv view printed.\n", TEXT)
-                return None
-            return parts[2]
-
-        def do_GET(self) -> None:
-            name = self._requested()
-            if name is None:
-                return
-            if name == "":
-                self._reply(200, page, "text/html; charset=utf-8")
-            elif name == "image":
-                query = dict(parse_qsl(urlsplit(self.path).query))
-                # its values are numbers as JSON writes them
-                self._answer(name, "{" + ",".join(f'"{k}":{v}' for k, v in query.items()) + "}")
-            else:
-                self._reply(404, b"no such thing\n", TEXT)
-
-        def do_POST(self) -> None:
-            name = self._requested()
-            if name is None:
-                return
-            length = self.headers.get("Content-Length", "")
-            good = length.isdecimal() and len(length) < 9 and int(length) <= LONGEST
-            if not good or self.headers.get("Content-Type") != JSON:
-                self.close_connection = True
-                self._reply(400, b"not a request of the page\n", TEXT)
-                return
-            self._answer(name, self.rfile.read(int(length)))
-
-        def _answer(self, name: str, content: bytes | str) -> None:
-            action = None if name.startswith("_") else getattr(actions, name, None)
-            if not callable(action):
-                self._reply(404, b"no such thing\n", TEXT)
-                return
-            try:
-                values = json.loads(content or b"{}", parse_constant=_refuse)
-                with one:
-                    answer = action(**values)
-            except Exception as error:  # whatever a stranger's values raise in the libraries
-                text = sentence(error) or f"not a request of the page ({one_line(error)})"
-                self._reply(422, text.encode(), TEXT)
-                return
-            if isinstance(answer, bytes):
-                self._reply(200, answer, "image/png")
-            else:
-                self._reply(200, json.dumps(answer, default=plain).encode(), JSON)
-
-        def log_message(self, *_: Any) -> None:
-            pass
-
-    class Server(ThreadingHTTPServer):
-        def handle_error(self, request: Any, client_address: Any) -> None:
-            # a browser closes connections when it likes, also amid an answer
-            if not isinstance(sys.exc_info()[1], ConnectionError):
-                super().handle_error(request, client_address)
-
+    """Serve the page on 127.0.0.1 until Ctrl-C; `ready` is called with its address."""
     try:
-        server = Server(("127.0.0.1", port), Handler)
+        server = _Server(port, _Answers(session, output))
     except OSError as error:
         raise ValueError(
             f"port {port} cannot be opened ({error.strerror}); give another --port"
         ) from None
-    hosts = {f"{name}:{server.server_port}" for name in ("127.0.0.1", "localhost")}
-    address = f"http://127.0.0.1:{server.server_port}/{secret}/"
     with server:
-        ready(address)
+        ready(server.address)
         if show:
-            threading.Thread(target=_show, args=(address,), daemon=True).start()
+            threading.Thread(target=_show, args=(server.address,), daemon=True).start()
         server.serve_forever()
+
+
+class _Server(ThreadingHTTPServer):
+    """A server on 127.0.0.1 whose address has a secret in it."""
+
+    def __init__(self, port: int, actions: _Answers) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
+        self.actions, self.one = actions, threading.Lock()  # one answer at a time
+        self.secret = secrets.token_urlsafe(16)
+        self.hosts = {f"{name}:{self.server_port}" for name in ("127.0.0.1", "localhost")}
+        self.address = f"http://127.0.0.1:{self.server_port}/{self.secret}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        # a browser closes connections when it likes, also amid an answer
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers requests that have the secret of the address and a Host of this machine.
+
+    A page of a stranger knows neither the one nor, by DNS rebinding, the other.
+    """
+
+    protocol_version = "HTTP/1.1"
+    server: _Server
+
+    def _reply(self, status: int, body: bytes, kind: str) -> None:
+        self.send_response(status)
+        for name, value in (
+            ("Content-Type", kind),
+            ("Content-Length", str(len(body))),
+            ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("Content-Security-Policy", _POLICY),
+        ):
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _requested(self) -> str | None:
+        """The name in a request of the page; None, and a refusal, of a stranger."""
+        parts = urlsplit(self.path).path.split("/")
+        host = self.headers.get("Host", "")
+        origin = self.headers.get("Origin", f"http://{host}")
+        if (
+            host not in self.server.hosts
+            or origin != f"http://{host}"
+            or len(parts) != 3
+            or not secrets.compare_digest(parts[1].encode(), self.server.secret.encode())
+        ):
+            self.close_connection = True
+            self._reply(403, b"This page is open to the address that piv view printed.\n", TEXT)
+            return None
+        return parts[2]
+
+    def do_GET(self) -> None:
+        name = self._requested()
+        if name is None:
+            return
+        if name == "":
+            page = files("piv.view").joinpath("page.html").read_bytes()
+            self._reply(200, page, "text/html; charset=utf-8")
+        elif name == "image":
+            query = dict(parse_qsl(urlsplit(self.path).query))
+            # its values are numbers as JSON writes them
+            self._answer(name, "{" + ",".join(f'"{k}":{v}' for k, v in query.items()) + "}")
+        else:
+            self._reply(404, b"no such thing\n", TEXT)
+
+    def do_POST(self) -> None:
+        name = self._requested()
+        if name is None:
+            return
+        length = self.headers.get("Content-Length", "")
+        good = length.isdecimal() and len(length) < 9 and int(length) <= LONGEST
+        if not good or self.headers.get("Content-Type") != JSON:
+            self.close_connection = True
+            self._reply(400, b"not a request of the page\n", TEXT)
+            return
+        self._answer(name, self.rfile.read(int(length)))
+
+    def _answer(self, name: str, content: bytes | str) -> None:
+        action = None if name.startswith("_") else getattr(self.server.actions, name, None)
+        if not callable(action):
+            self._reply(404, b"no such thing\n", TEXT)
+            return
+        try:
+            values = json.loads(content or b"{}", parse_constant=_refuse)
+            with self.server.one:
+                answer = action(**values)
+        except Exception as error:  # whatever a stranger's values raise in the libraries
+            text = sentence(error) or f"not a request of the page ({one_line(error)})"
+            self._reply(422, text.encode(), TEXT)
+            return
+        if isinstance(answer, bytes):
+            self._reply(200, answer, "image/png")
+        else:
+            self._reply(200, json.dumps(answer, default=plain).encode(), JSON)
+
+    def log_message(self, *_: Any) -> None:
+        pass
 
 
 def _show(address: str) -> None:
