@@ -15,7 +15,7 @@ from tests.fuzz_scenes import count_outcomes
 from tests.fuzz_strangers import count_folders, count_tables
 from tests.fuzz_targets import TARGETS, check, named
 
-INPUTS = int(os.environ.get("FUZZ", "30"))
+INPUTS = int(os.environ.get("FUZZ", "15"))
 
 
 # an unraisable exception would reach a user as a traceback
