@@ -11,7 +11,8 @@ import pytest
 from tests.conftest import ROOT
 
 LOCKS = {"requirements": "requirements.lock"}
-LOCKS |= {name: f"requirements-{name}.lock" for name in ("dev", "study", "docs", "audit", "release")}
+_OTHERS = ("dev", "study", "docs", "audit", "release")
+LOCKS |= {name: f"requirements-{name}.lock" for name in _OTHERS}
 # go with GPL-3.0-or-later; the FSF's list of licences
 GOOD = {"0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "MIT", "MIT-CMU"} | {
     *("GPL-2.0-or-later", "GPL-3.0-or-later", "LGPL-2.1-or-later", "LLVM-exception", "MPL-2.0"),
