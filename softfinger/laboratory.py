@@ -41,7 +41,8 @@ from postprocess.lab.register import (
 from postprocess.lab.summary import compare, summary
 from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
-from softfinger.make import Machine, make, make_sheet
+from softfinger.make import Machine, make
+from softfinger.sheets import make_sheet
 
 PLANES = 42  # of a run that varies an input: its effect changes slowly
 TO_SOLVE = ("kinematics", "mesh", "case", "solve")

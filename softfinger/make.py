@@ -29,14 +29,12 @@ from pipeline.scene.measurement import piv_settings, render_settings
 from pipeline.scene.scene import Scene
 from piv.files.errors import StageError, one_line, printable, sentence, system_error
 from piv.files.lock import exclusive
-from piv.files.provenance import digest, versions
+from piv.files.provenance import versions
 from piv.files.record import (
-    changed_outputs,
     check_own,
     check_whole,
     forget,
     read_record,
-    record_path,
     write_record,
 )
 
@@ -187,29 +185,6 @@ def make_stage(run: Run, stage: str, machine: Machine, quiet: bool = False) -> N
         write_record(run.out, stage, about, sorted(found))
         if step.sealed:
             seal(run.out, stage)
-
-
-def make_sheet(
-    run: Run, view: tuple[float, ...], path: Path, quiet: bool = False, most: int | None = None
-) -> None:
-    """Sample the laser sheet of a run over another view (m: x0, x1, y0, y1), if stale.
-
-    `most`: of its planes, evenly spread; None: all.
-
-    The record lies beside the file.
-    """
-    from pipeline.sheet import run as sample
-
-    about = {"digest": digest([run.digest("sheet"), view, most])}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with exclusive(path):
-        record = read_record(path.parent, path.stem)
-        same = record is not None and record["digest"] == about["digest"]
-        if record and same and not changed_outputs(path.parent, record):
-            return
-        record_path(path.parent, path.stem).unlink(missing_ok=True)
-        sample(run.scene, quiet, view, path, most)
-        write_record(path.parent, path.stem, about, [path])
 
 
 def _check_inputs(run: Run, step: Stage) -> None:

@@ -36,7 +36,8 @@ from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import AGREES, DIFFERS, ERROR
 from postprocess.lab.virtual_experiment import WIDE
 from softfinger import laboratory as command
-from softfinger.make import Machine, make, make_sheet
+from softfinger.make import Machine, make
+from softfinger.sheets import make_sheet
 
 TABLE = Path("docs/record/laboratory_blind.csv")
 SHAPE, SCALE = (512, 640), 0.25  # px, mm/px

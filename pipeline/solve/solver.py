@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from tqdm import tqdm
 
@@ -134,45 +134,16 @@ def solve(
     resume (not `resumes`). StageError where `guard` stops it, it fails, or its samples for a guard
     of the energy end before the interval; its files are kept.
     """
-    case, interval, guard, folder = part.case, part.span, part.guard, part.case.folder
+    interval, guard, folder = part.span, part.guard, part.case.folder
     record = read_progress(folder)
     if has_ended(folder, interval):
         return record, record
-    checkpoint = last_checkpoint(case, interval.moving) if resumes else None
-    first = time_name(interval.begin)
-    start, name = checkpoint or (interval.begin, first)
+    checkpoint = last_checkpoint(part.case, interval.moving) if resumes else None
     if checkpoint is not None:
-        record["resumed"] = [*record["resumed"], start]
-        if interval.moving:
-            _reset_displacement(case.folders, first, name)
-    guard.time = start
-    drop_tables(folder, start)
-    set_number(folder, "startTime", reached_time(case, name) if checkpoint else name)
-    motion.begin(start)
-    clock = time.monotonic()
-    noted = clock
-    cpu = 0.0  # s of all ranks
-
-    def note(ended: bool = False) -> dict[str, Any]:
-        now = {
-            **record,
-            "wall_time": record["wall_time"] + time.monotonic() - clock,
-            "cpu_time": record["cpu_time"] + cpu,
-            "ended": ended,
-        }
-        write_text(folder / PROGRESS, json.dumps(now))
-        return now
-
-    if guard.energy and (interval.index or checkpoint):
-        guard.energy.from_rest = False
+        record["resumed"] = [*record["resumed"], checkpoint[0]]
+    motion.begin(_start_at(part, checkpoint))
+    clock = _Clock(folder, record)
     log = folder / LOG
-
-    def stopped(cause: str) -> StageError:
-        return StageError(
-            f"stopped at {guard.time:g} s by a guard: {cause}; the fields are kept in {folder}:"
-            f" {guard.remedy}"
-        )
-
     # line by line: a kill leaves whole lines in the log
     with (
         name_in_errors(log),
@@ -180,7 +151,7 @@ def solve(
     ):
         output.write("\n")  # the run before may have ended within a line
         process = subprocess.Popen(
-            solver_command(folder, case.ranks, hosts),
+            solver_command(folder, part.case.ranks, hosts),
             cwd=folder,
             env=environment(),
             preexec_fn=die_with_parent,
@@ -190,50 +161,116 @@ def solve(
             bufsize=1,
             start_new_session=True,
         )
-        assert process.stdout is not None
         with Watchdog(_SILENCE, lambda: _stop(process)) as watchdog:
             try:
-                for line in process.stdout:
-                    output.write(line)
-                    watchdog.reset()
-                    cause = guard.verdict(line)
-                    if cause:
-                        raise stopped(cause)
-                    if line.startswith("ExecutionTime"):
-                        cpu = case.ranks * float(line.split()[2])
-                        motion.answer(guard.time, lambda: process.poll() is None)
-                    if line.startswith("Time = "):
-                        if time.monotonic() - noted > _NOTE_EVERY:
-                            noted = time.monotonic()
-                            note()
-                        bar.update(min(guard.time, interval.end) - bar.n)
+                _follow(process, part, motion, bar, clock, output, watchdog)
             except BaseException:
                 _stop(process)
                 raise
             finally:
                 motion.end()
-                note()
+                clock.note()
     code = process.wait()
     if watchdog.cause:
         guard.remedy = "check the machine and numerics, then run make again to resume"
-        raise stopped(watchdog.cause)
+        raise _stopped(part, watchdog.cause)
     if code != 0:
         raise failed(folder, guard.time, code)
+    _check_samples(part)
+    for table in [log, *(folder / "postProcessing").glob("*/*/*.dat")]:
+        # a power cut must not shorten these files once the interval has ended
+        sync_file(table)
+    return record, clock.note(ended=True)
+
+
+def _start_at(part: SolverInterval, checkpoint: tuple[float, str] | None) -> float:
+    """Prepare the case to start at a checkpoint, or at the interval's begin; returns the time."""
+    folder, interval = part.case.folder, part.span
+    first = time_name(interval.begin)
+    start, name = checkpoint or (interval.begin, first)
+    if checkpoint is not None and interval.moving:
+        _reset_displacement(part.case.folders, first, name)
+    part.guard.time = start
+    if part.guard.energy and (interval.index or checkpoint):
+        part.guard.energy.from_rest = False
+    drop_tables(folder, start)
+    set_number(folder, "startTime", reached_time(part.case, name) if checkpoint else name)
+    return start
+
+
+class _Clock:
+    """Writes the cost of an interval beside its case, that of earlier runs included."""
+
+    def __init__(self, folder: Path, record: dict[str, Any]) -> None:
+        self.cpu = 0.0  # s of all ranks
+        self._folder, self._record = folder, record
+        self._begun = self._noted = time.monotonic()
+
+    def note(self, ended: bool = False) -> dict[str, Any]:
+        """Write the cost so far."""
+        self._noted = time.monotonic()
+        now = {
+            **self._record,
+            "wall_time": self._record["wall_time"] + self._noted - self._begun,
+            "cpu_time": self._record["cpu_time"] + self.cpu,
+            "ended": ended,
+        }
+        write_text(self._folder / PROGRESS, json.dumps(now))
+        return now
+
+    def tick(self) -> None:
+        """Write the cost so far, now and then."""
+        if time.monotonic() - self._noted > _NOTE_EVERY:
+            self.note()
+
+
+def _follow(
+    process: subprocess.Popen[str],
+    part: SolverInterval,
+    motion: KnownMotion,
+    bar: tqdm,
+    clock: _Clock,
+    output: TextIO,
+    watchdog: Watchdog,
+) -> None:
+    """Read the solver's lines to their end: guard it, answer its steps, and keep its log."""
+    guard = part.guard
+    assert process.stdout is not None
+    for line in process.stdout:
+        output.write(line)
+        watchdog.reset()
+        if cause := guard.verdict(line):
+            raise _stopped(part, cause)
+        if line.startswith("ExecutionTime"):
+            clock.cpu = part.case.ranks * float(line.split()[2])
+            motion.answer(guard.time, lambda: process.poll() is None)
+        if line.startswith("Time = "):
+            clock.tick()
+            bar.update(min(guard.time, part.span.end) - bar.n)
+
+
+def _check_samples(part: SolverInterval) -> None:
+    """StageError where the samples end before the interval, or the energy does not add up."""
+    folder, guard, end = part.case.folder, part.guard, part.span.end
     # a flow without a body has no samples and no guard of the energy (docs/evidence/validation)
-    sampled = force_times(folder)[-1] * (1 + 1e-6) if guard.energy else interval.end
+    sampled = force_times(folder)[-1] * (1 + 1e-6) if guard.energy else end
     until = min(sampled, damaged := first_damaged(folder))
-    if until < interval.end or damaged <= interval.end:
+    if until < end or damaged <= end:
         check_room(folder)
         raise StageError(
             f"{folder / 'postProcessing'}: the solver's samples are cut off at {until:g} s, as by a"
             " full disk; run make again: it resumes before that time"
         )
     if cause := guard.check_energy(ended=True):
-        raise stopped(cause)
-    for table in [log, *(folder / "postProcessing").glob("*/*/*.dat")]:
-        # a power cut must not shorten these files once the interval has ended
-        sync_file(table)
-    return record, note(ended=True)
+        raise _stopped(part, cause)
+
+
+def _stopped(part: SolverInterval, cause: str) -> StageError:
+    """The error for a solver that a guard has stopped."""
+    return StageError(
+        f"stopped at {part.guard.time:g} s by a guard: {cause}; the fields are kept in"
+        f" {part.case.folder}: {part.guard.remedy}"
+    )
 
 
 def failed(folder: Path, reached: float, code: int) -> StageError:

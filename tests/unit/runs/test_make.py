@@ -16,7 +16,8 @@ from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.record import read_record, record_path, write_record
-from softfinger.make import LOG, Machine, _expected, make, make_sheet, make_stage
+from softfinger.make import LOG, Machine, _expected, make, make_stage
+from softfinger.sheets import make_sheet
 from tests.conftest import CASES, write_scene
 
 ONE = Machine()
