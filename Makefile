@@ -20,6 +20,11 @@ SWITCHES := $(VALUES) SCENE STUDY DOCS PYTHON WM_PROJECT_DIR MAKEFLAGS
 TYPED    := $(foreach v,$(.VARIABLES),$(if $(filter command,$(firstword $(origin $v))),$v))
 UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
+# Targets that use no value; the program refuses those that its commands do not use.
+PLAIN    := $(filter help bench-piv faults test-slurm audit lint unit clean,$(MAKECMDGOALS))
+UNUSED   := $(filter $(VALUES) SCENE STUDY DOCS,$(TYPED))
+$(if $(filter 0,$(MAKELEVEL)),$(if $(PLAIN),$(if $(UNUSED),$(error \
+    $(PLAIN) does not use $(UNUSED); omit it))))
 # Values are text that make does not expand. Recipes read them from the environment, in quotes.
 $(foreach v,$(filter-out MAKEFLAGS,$(TYPED)),$(eval override $v := $$(value $v)))
 export TYPED SCENE STUDY DOCS $(VALUES)
@@ -82,7 +87,8 @@ validate: $(READY) ## flows of known answer, and convergence: docs/verification.
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
 	@$(PY) -m docs.evidence.reference
-	@for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
+	@export TYPED="$(filter-out DOCS,$(TYPED))"; \
+	for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
 	@$(PY) -m docs.evidence.pictures $$DOCS
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
 	@echo "site: $$PWD/site/index.html"

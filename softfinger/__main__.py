@@ -277,6 +277,15 @@ def target(name: str) -> None:
         raise StageError(f"{name}: no such scene or target{near}; make help lists them")
 
 
+# values that a recipe, or Snakemake, hands to commands in another way
+_IN_RECIPES: dict[str, tuple[Callable[..., Any], ...]] = {
+    "NP": (study, tradeoff),
+    "SCENE": (study, tradeoff, fea, compare),
+    "STUDY": (study,),
+    "DOCS": (),
+}
+
+
 def _call(words: list[str] | None) -> None:
     """Run a command; a value of make that it does not use is an error."""
     command: Callable[..., Any]
@@ -286,8 +295,9 @@ def _call(words: list[str] | None) -> None:
         raise StageError(" ".join(str(error).split())) from None
     working()
     used = {name for hint in _hints(command) for name in hint.env_var or ()}
-    used |= {"NP"} if command in (study, tradeoff) else set()
-    typed = [name for name in os.environ.get("TYPED", "").split() if name in MAKE_VALUES]
+    used |= {name for name, commands in _IN_RECIPES.items() if command in commands}
+    known = (*MAKE_VALUES, *_IN_RECIPES)
+    typed = [name for name in os.environ.get("TYPED", "").split() if name in known]
     if command is not target and (unused := [name for name in typed if name not in used]):
         raise StageError(f"{command.__name__} does not use {' and '.join(unused)}; omit it")
     command(*bound.args, **bound.kwargs)

@@ -128,7 +128,7 @@ def read_columns(
     path: Path, needed: Sequence[str], more: Sequence[str] | None = (), ragged: bool = False
 ) -> UserTable:
     """A table with a header of the columns `needed`, and perhaps `more` (None: any); StageError."""
-    table = read_table(path, ", ".join(needed), ragged)
+    table = read_table(path, f"the columns {', '.join(needed)}", ragged)
     known = [*needed, *(more or ())]
     if missing := [name for name in needed if name not in table.names]:
         raise StageError(f"{path}: no column {missing[0]} in its header; give {', '.join(needed)}")
