@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from piv.images.part_of_recording import part_of_recording as part_of_recording
     from piv.momentum.outline import line_loads as line_loads
     from piv.momentum.pressure import pressure as pressure
+    from piv.sequence.correlate import correlate as correlate
     from piv.sequence.ensemble import correlate_ensemble as correlate_ensemble
     from piv.sequence.frame_sets import SequenceOptions as SequenceOptions
     from piv.sequence.multiframe import correlate_frames as correlate_frames
@@ -53,6 +54,7 @@ _MODULES = {
     "piv.images.part_of_recording": ("part_of_recording",),
     "piv.momentum.outline": ("line_loads",),
     "piv.momentum.pressure": ("pressure",),
+    "piv.sequence.correlate": ("correlate",),
     "piv.sequence.ensemble": ("correlate_ensemble",),
     "piv.sequence.multiframe": ("correlate_frames",),
     "piv.sequence.frame_sets": ("SequenceOptions",),

@@ -26,7 +26,7 @@ COMMANDS = {
     "profile": "vectors along a line, as CSV",
     "spectrum": "power spectra in time or space, as CSV",
     "view": "images and vectors in the browser: masks, measures, settings to try",
-    "convert": "between OpenPIV, PIVlab, Tecplot, DaVis, CSV, VTK and plane series",
+    "convert": "vectors of OpenPIV, PIVlab, DaVis, TSI and others; to CSV, MATLAB, VTK",
 }
 
 WRITTEN = {  # the endings of a command's output; the others look at theirs themselves

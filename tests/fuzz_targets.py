@@ -26,8 +26,9 @@ from piv.formats.recording import RecordingWriter
 from piv.images.calibration import load_calibration
 from piv.images.masks import read_mask
 from piv.images.open_recording import open_recording
+from tests.camera_files import cine, imagej
 from tests.conftest import CASES
-from tests.pivlab_session import write_mat5, write_mat73
+from tests.pivlab_session import write_mat5, write_mat73, write_session
 
 REFUSALS = (ValueError, OSError)  # a command of piv turns them into one sentence and exit code 2
 STAGE = (StageError, OSError)  # so does the pipeline with these
@@ -36,7 +37,7 @@ LONGEST = 600  # characters of a sentence
 ROWS, COLUMNS = 24, 32
 PIXELS = {
     "length_unit": "px", "velocity_unit": "px/frame", "y_axis": "down", "scale_mm_per_px": 0.1,
-    "interval_s": 0.002, "image_rows": 64,
+    "interval": 0.002, "image_rows": 64,
 }  # fmt: skip
 METRES = {"length_unit": "m", "velocity_unit": "m/s", "y_axis": "up"}
 
@@ -121,6 +122,11 @@ def stack_seeds(folder: Path) -> list[bytes]:
     return [path.read_bytes(), *encoded(".tif", folder)]
 
 
+def imagej_seeds(folder: Path) -> list[bytes]:
+    """A stack with one page for all pictures."""
+    return [imagej(folder / "imagej.tif", np.stack([picture(16)] * 2)).read_bytes()]
+
+
 def video_seeds(folder: Path) -> list[bytes]:
     """Videos in two codecs."""
     videos = []
@@ -177,11 +183,34 @@ POLYGONS = b"x,y\n2,2\n20,2\n20,12\n2,12\n", b"2 2\n20 2\n20 12\n", b"# body\n1,
 
 def use_vectors(path: Path) -> None:
     """Read all vectors of a file."""
-    of_davis = {k: PIXELS[k] for k in ("interval_s", "scale_mm_per_px", "image_rows")}
-    own: dict[str, Any] = {".csv": {}, ".h5": {}, ".nc": {}, ".dat": {"y_axis": "up"}}
+    of_davis = {k: PIXELS[k] for k in ("interval", "scale_mm_per_px", "image_rows")}
+    own: dict[str, Any] = {".h5": {}, ".nc": {"y_axis": "up"}, ".dat": {"y_axis": "up"}, ".vec": {}}
     options = (own | {".vc7": of_davis}).get(path.suffix, PIXELS)
-    with read_vectors([path], **(METRES if path.name == "vectors.txt" else options)) as plane:
+    options = {"vectors.txt": METRES, "davis.txt": {}}.get(path.name, options)
+    with read_vectors([path], **options) as plane:
         use_plane(plane, path)
+
+
+OPENPIV = b"# x y u v flags mask\n0 0 1 2 0 0\n1 0 1 2 1 0\n0 1 1 2 0 0\n1 1 nan 2 0 1\n"
+SPOTS = b"0\t1\t1,5\t2\n1\t1\t1\t2\n0\t0\t0\t-0\n1\t0\t1\t2\n"
+DAVIS = b'#DaVis 8.1.6 2D-vector 16 2 2 "position" "mm" "position" "mm" "velocity" "m/s"\n' + SPOTS
+ZONE = b"0, 0, 1.5, 2, 1\n1, 0, 1, 2, 1\n0, 1, 1, 2, -1\n1, 1, 1, 2, 1\n"
+TECPLOT = (
+    b'TITLE="a"\nVARIABLES="X (mm)","Y (mm)","U (m/s)","V (m/s)","CHC"\n'
+    b"ZONE I=2, J=2, F=POINT, SOLUTIONTIME=0.1\n" + ZONE
+)
+INSIGHT = (
+    b'TITLE="a.vec" VARIABLES="X mm", "Y mm", "U m/s", "V m/s", "CHC", DATASETAUXDATA '
+    b'Application="PIV" DATASETAUXDATA MicrosecondsPerDeltaT="2000.0" ZONE I=2, J=2, F=POINT\n'
+    + ZONE
+)
+
+
+def cine_seeds(folder: Path) -> list[bytes]:
+    """Films of a Phantom camera, 10 bit in 16 and packed."""
+    frames = np.stack([picture(16) >> 2] * 2)
+    kinds: list[dict[str, int]] = [{}, {"stored": 10, "compression": 256}]
+    return [cine(folder / "a.cine", frames, **kind).read_bytes() for kind in kinds]
 
 
 def use_plane(plane: xr.Dataset, path: Path) -> None:
@@ -215,10 +244,10 @@ PIVLAB = (
 
 
 def mat_seeds(folder: Path) -> list[bytes]:
-    """PIVlab's .mat export, version 5 and 7.3."""
+    """PIVlab's .mat export, version 5 and 7.3, and a session."""
     path = folder / "a.mat"
     plain, packed = (write_mat5(path, compress=c).read_bytes() for c in (False, True))
-    return [plain, packed, write_mat73(path).read_bytes()]
+    return [plain, packed, write_mat73(path).read_bytes(), write_session(path).read_bytes()]
 
 
 def davis_seeds(folder: Path) -> list[bytes]:
@@ -308,7 +337,7 @@ def _seeds(*contents: bytes) -> Callable[[Path], list[bytes]]:
 HEADERS = _seeds(*(CIH.format(bits=bits).encode() for bits in (8, 12, 16)))
 PIVLAB_METRES = PIVLAB.replace(b"px/frame", b"m/s").replace(b"px", b"m")
 PRESSURE = b"t,p\n0,0\n0.1,5000\n0.2,20000\n0.4,2e4\n"
-IMAGES, VECTORS = (".png", ".bmp", ".jpg", ".pgm"), (".txt", ".dat", ".h5", ".nc")
+IMAGES, VECTORS = (".png", ".bmp", ".jpg", ".pgm"), (".h5", ".nc")
 RAW = {"camera.mraw": bytes(range(256)) * 12}
 
 TARGETS = [
@@ -320,6 +349,12 @@ TARGETS = [
     Target("mask.csv", use_mask, _seeds(*POLYGONS)),
     Target("mask.png", use_mask, partial(encoded, ".png")),
     *(Target("vectors" + suffix, use_vectors, partial(written, suffix)) for suffix in VECTORS),
+    Target("vectors.txt", use_vectors, _seeds(OPENPIV)),
+    Target("davis.txt", use_vectors, _seeds(DAVIS)),
+    Target("vectors.dat", use_vectors, _seeds(TECPLOT)),
+    Target("insight.vec", use_vectors, _seeds(INSIGHT)),
+    Target("imagej.tif", use_recording, imagej_seeds),
+    Target("camera.cine", use_recording, cine_seeds),
     Target("pivlab.txt", use_vectors, _seeds(PIVLAB, PIVLAB_METRES)),
     Target("pivlab.mat", use_vectors, mat_seeds),
     Target("davis.vc7", use_vectors, davis_seeds, costs=20),

@@ -24,6 +24,17 @@ def write_mat5(path: Path, frames: int = 1, compress: bool = False) -> Path:
     return path
 
 
+def write_session(path: Path, **more: float) -> Path:
+    """A saved session, in px, of three pairs: the second was not correlated, the third filtered."""
+    cells = np.empty((11, 3), object)
+    cells.fill(np.empty((0, 0)))
+    for k in (0, 2):
+        cells[:5, k] = list(FRAME.values())
+    cells[6:9, 2] = [2 * FRAME["u_original"], FRAME["v_original"], KIND]
+    savemat(path, {"resultslist": cells, "PIVver": "3.00", **more})
+    return path
+
+
 def write_mat73(path: Path) -> Path:
     """One frame, by references."""
     with h5py.File(path, "w") as file:

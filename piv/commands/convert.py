@@ -1,7 +1,6 @@
 """Vectors of other programs to plane series, and plane series to what others open."""
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +8,8 @@ import xarray as xr
 
 from piv.commands.settings import at_least, positive
 from piv.fields.summary import summary
-from piv.foreign.read import read_vectors
-from piv.foreign.vector_files import READERS
-from piv.foreign.write import left_out, write_vectors
+from piv.foreign.read import READERS, read_vectors
+from piv.foreign.write import write_vectors
 from piv.formats.plane_series import OUTLIER, VECTORS
 from piv.images.clock import INTERVAL_HELP, RATE_HELP
 
@@ -26,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help=".h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV)",
+        help=".h5, .nc (pivpy), .csv, .mat, .vti",
     )
     parser.add_argument(
         "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"
@@ -76,14 +74,11 @@ def run(args: argparse.Namespace) -> None:
         velocity_unit=args.velocity_unit,
         y_axis=args.y_axis,
         scale_mm_per_px=args.scale_mm_per_px,
-        interval_s=args.interval,
+        interval=args.interval,
         image_rows=args.image_rows,
     )
     plane = limited(plane, {n: getattr(args, f"{n}_limits") for n in ("u", "v")})
     files = write_vectors(plane, args.output)
-    if lost := left_out(plane, args.output):
-        kind = args.output.suffix
-        print(f"{args.output}: {kind} holds no {', '.join(lost)}; left out", file=sys.stderr)
     if not args.quiet:
         print(f"{files[0]}{f' ... {files[-1].name}' if len(files) > 1 else ''}: {summary(plane)}")
 

@@ -1,55 +1,16 @@
 """piv correlate A.tif B.tif -o out.h5: images or a recording to a plane series of vectors."""
 
 import argparse
-import sys
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
-
-from piv.commands.settings import add_fields, build, report, run_with
+from piv.commands.settings import add_fields, report, run_with
 from piv.correlation.options import Options
-from piv.formats.recording import CAMERA
-from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.image_files import COLOURS
-from piv.images.open_recording import open_recording
-from piv.images.part_of_recording import part_of_recording
-from piv.images.recording import Recording
+from piv.images.recordings.double_frames import LAYOUTS
+from piv.sequence.correlate import RecordingCamera, correlate_to
 from piv.sequence.frame_sets import SequenceOptions
-from piv.sequence.sequence import correlate_recording
-
-_MUCH = 0.7  # of the picture: bodies in a flow are smaller
-# flags that no dataclass has
-_FURTHER = ("chunk", "mask", "roi", "roi_unit", "colour")
-
-
-@dataclass(frozen=True)
-class _RecordingCamera:
-    """Scale, origin and clock that replace those of the recording."""
-
-    scale_mm_per_px: Annotated[
-        float | None, "mm per pixel (default the recording's, else results in px)"
-    ] = None
-    origin_x_px: Annotated[
-        float | None, "x of the origin, px from the left (default the recording's, else 0)"
-    ] = None
-    origin_y_px: Annotated[
-        float | None, "y of the origin, px up from the bottom (default the recording's, else 0)"
-    ] = None
-    interval: Annotated[float | None, f"{INTERVAL_HELP} (default the recording's)"] = None
-    rate: Annotated[
-        float | None, f"{RATE_HELP} (default the recording's, else times in frames)"
-    ] = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            origin = name.startswith("origin")
-            if value is not None and not (np.isfinite(value) and (origin or value > 0)):
-                raise ValueError(
-                    f"{name} = {value:g}: give a {'finite' if origin else 'positive'} number"
-                )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         nargs="+",
-        help="two or more images, a folder, a glob, a video, .mraw/.cihx or images.h5",
+        help="two or more images, a folder, a glob, a video, .mraw/.cihx, .cine, .im7 or images.h5",
     )
     parser.add_argument("-o", "--output", required=True, help="plane series to write (.h5)")
     parser.add_argument(
@@ -84,7 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="K/N",
         help="only the K-th of N parts, into a file beside the output; then: piv join OUTPUT",
     )
-    add_fields(parser, _RecordingCamera)
+    add_fields(parser, RecordingCamera)
+    parser.add_argument(
+        "--layout",
+        choices=LAYOUTS,
+        default=argparse.SUPPRESS,
+        help="of pictures that hold both exposures of a pair",
+    )
     parser.add_argument(
         "--colour",
         choices=COLOURS,
@@ -106,68 +73,10 @@ def make(
     `settings`: the flags by name; ValueError for other keys. `threads` fields are computed at a
     time.
     """
-    options, sequence, camera = build(
-        {"threads": threads} | settings, Options, SequenceOptions, _RecordingCamera, more=_FURTHER
-    )
-    chunk = _chunk(settings["chunk"]) if settings.get("chunk") else None
     sources = [source] if isinstance(source, str | Path) else source
-    with open_recording(sources, colour=settings.get("colour", "refuse")) as recording:
-        if len(recording) < 2:
-            raise ValueError(
-                f"{recording.name}: one frame is no pair; give two images or a recording"
-            )
-        if recording.lossy and (chunk is None or chunk[0] == 1):
-            print(
-                f"{recording.name}: JPEG loses detail of the particles; "
-                "save TIFF or PNG where you can",
-                file=sys.stderr,
-                flush=True,
-            )
-        sequence = sequence.of(recording)
-        assert sequence.pairing is not None
-        set_clock(recording, sequence.pairing, camera.interval, camera.rate, sequence.skip)
-        if (
-            camera.scale_mm_per_px is not None
-            and recording.times is None
-            and recording.interval is None
-        ):
-            raise ValueError(
-                f"{recording.name}: --scale-mm-per-px gives m/s with the time between the "
-                "exposures; give --interval too"
-            )
-        recording.attrs |= {
-            k: float(v) for k, v in vars(camera).items() if v is not None and k in CAMERA
-        }
-        part = part_of_recording(
-            recording,
-            settings.get("mask"),
-            settings.get("roi"),
-            roi_unit=settings.get("roi_unit", "px"),
-        )
-        _ask_about_mask(part, settings.get("mask"))
-        path = correlate_recording(part, output, options, sequence, chunk=chunk, quiet=quiet)
+    path = correlate_to(sources, output, {"threads": threads} | settings, quiet=quiet)
     if not quiet:
         report(path)
-
-
-def _ask_about_mask(part: Recording, name: str | None) -> None:
-    """Ask where a mask leaves so little of the picture that it may be inverted."""
-    body = None if name is None else part.mask(0)
-    if body is not None and (share := float(body.mean())) > _MUCH:
-        print(
-            f"{name}: masks {share:.0%} of the picture; is it inverted? A mask is white, or true, "
-            "on the body, where no vectors are",
-            file=sys.stderr,
-            flush=True,
-        )
-
-
-def _chunk(text: str) -> tuple[int, int]:
-    """(k, n) of "k/n"."""
-    number, _, of = text.partition("/")
-    if not (number.isdecimal() and of.isdecimal()):
-        raise ValueError(f"chunk must be k/n, such as 2/8, got {text!r}")
-    return int(number), int(of)
 
 
 run = partial(run_with, make)

@@ -4,13 +4,14 @@ import argparse
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from piv.commands.settings import add_paths
 from piv.fields.circles import around
 from piv.fields.lines import along_line
 from piv.files.atomic import whole
 from piv.foreign.read import open_vectors
-from piv.foreign.write import circulation_unit, units_of
+from piv.formats.plane_series import circulation_unit, units_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> None:
         length, velocity = units_of(series)
         if args.line:
             x0, y0, x1, y1 = args.line
-            tables = along_line(series, (x0, y0), (x1, y1), args.points)
+            tables = iter([_table(along_line(series, (x0, y0), (x1, y1), args.points))])
             name, unit, about = (
                 "u",
                 velocity,
@@ -69,6 +70,12 @@ def run(args: argparse.Namespace) -> None:
             f"{args.output}: {rows} {about}, {known / rows:.1%} valid, largest |{name}|"
             f" {largest:.3g} {unit}"
         )
+
+
+def _table(line: xr.Dataset) -> pd.DataFrame:
+    """Rows of time (of a series), s, x, y and the fields, every instant below the other."""
+    first = [*line["u"].dims[:-1], "s", "x", "y"]
+    return line.to_dataframe(line["u"].dims).reset_index()[[*first, *map(str, line.data_vars)]]
 
 
 def _size(table: pd.DataFrame) -> pd.Series:

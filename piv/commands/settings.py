@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from piv.fields.summary import summary
-from piv.files.errors import suggestion
 from piv.formats.plane_series import read_plane
 
 VECTORS = "vectors: .h5, .nc or another file of piv convert"
@@ -69,25 +68,6 @@ def run_with(make: Callable[..., None], args: argparse.Namespace) -> None:
     settings = {key: value for key, value in vars(args).items() if key != "command"}
     own = {key: settings.pop(key) for key in ("threads", "quiet") if key in settings}
     make(settings.pop("source"), settings.pop("output"), settings, **own)
-
-
-def build(settings: dict[str, Any], *kinds: Any, more: tuple[str, ...] = ()) -> list[Any]:
-    """One dataclass of each of `kinds`, from its fields in `settings`.
-
-    ValueError for a key that is neither a field nor in `more`, and for a wrong type.
-    """
-    names = [{field.name for field in fields(kind)} for kind in kinds]
-    known = set(more).union(*names)
-    if unknown := sorted(set(settings) - known):
-        near = suggestion(unknown[0], known) or f"; known are {', '.join(sorted(known))}"
-        raise ValueError(f"unknown setting {unknown[0]!r}{near}")
-    try:
-        return [
-            kind(**{key: settings[key] for key in own & settings.keys()})
-            for kind, own in zip(kinds, names, strict=True)
-        ]
-    except TypeError as error:
-        raise ValueError(f"a setting has the wrong type: {error}") from error
 
 
 def report(path: str | Path) -> None:

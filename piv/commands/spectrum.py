@@ -6,7 +6,7 @@ from piv.commands.settings import add_paths
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.files.atomic import write_text
 from piv.foreign.read import open_vectors
-from piv.foreign.write import units_of
+from piv.formats.plane_series import units_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

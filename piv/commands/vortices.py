@@ -8,9 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from piv.commands.settings import add_fields, add_paths, build, run_with
+from piv.commands.settings import add_fields, add_paths, run_with
+from piv.files.settings import build
 from piv.foreign.read import open_vectors
-from piv.foreign.write import circulation_unit, units_of
+from piv.formats.plane_series import circulation_unit, units_of
 from piv.formats.vortex_table import write_vortices
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
+from functools import partial, wraps
 from typing import Annotated, Any, TypedDict, TypeVar, cast, get_type_hints
 
 import numpy as np
@@ -121,13 +121,21 @@ class OptionWords(TypedDict, total=False):
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def with_options(function: F) -> F:
-    """The function with `Options` in its signature; TypeError with the nearest spelling."""
+def with_fields(*kinds: type) -> Callable[[F], F]:
+    """The function with the fields of dataclasses as keywords in its signature.
+
+    It raises TypeError with the nearest spelling for another keyword.
+    """
+    return partial(_with_fields, kinds)
+
+
+def _with_fields(kinds: tuple[type, ...], function: F) -> F:
     signature = inspect.signature(function)
     own = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
-    hints, keyword = get_type_hints(Options), inspect.Parameter.KEYWORD_ONLY
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    hints = {name: hint for kind in kinds for name, hint in get_type_hints(kind).items()}
     more = [inspect.Parameter(f.name, keyword, default=f.default, annotation=hints[f.name])
-            for f in fields(Options)]  # fmt: skip
+            for kind in kinds for f in fields(cast(Any, kind))]  # fmt: skip
     known = [*(p.name for p in own), *hints]
 
     @wraps(function)
@@ -140,3 +148,6 @@ def with_options(function: F) -> F:
 
     checked.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
     return cast(F, checked)
+
+
+with_options = with_fields(Options)

@@ -1,9 +1,6 @@
 """Vectors and what is derived from them along a straight line."""
 
-from collections.abc import Iterator
-
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from piv.fields.blocks import blocks, fields_of
@@ -18,14 +15,39 @@ def along_line(
     start: tuple[float, float],
     end: tuple[float, float],
     points: int | None = None,
-) -> Iterator[pd.DataFrame]:
-    """Every field at `points` along the line, in parts along time.
-
-    Columns: time (of a series), s (distance from the start), x, y, the fields, along and across.
+) -> xr.Dataset:
+    """Interpolate every field of a plane, or of a series, to points along a line.
 
     Bilinear between grid points; absent where one of the four is. Of standard uncertainties the
-    interpolated value is an upper bound. along, across: velocity in the line's direction and to its
-    left. points None: one per grid step.
+    interpolated value is an upper bound.
+
+    Parameters
+    ----------
+    plane
+        A plane, or a series, which is read block by block.
+    start, end
+        x and y of the line's ends, in the plane's unit.
+    points
+        How many; by default one per grid step.
+
+    Returns
+    -------
+    xarray.Dataset
+        The fields over (time, s), s the distance from the start, and the velocity in the line's
+        direction, `along`, and to its left, `across`. Without time for a plane.
+
+    Raises
+    ------
+    ValueError
+        Where the line leaves the plane, or has no length.
+
+    Examples
+    --------
+    >>> import piv
+    >>> field = piv.correlate("docs/tutorials/frames", window=24, every=9).isel(time=0)
+    >>> line = piv.along_line(field, (20, 90), (180, 90))
+    >>> line["across"].dims, line.sizes["s"]
+    (('s',), 21)
     """
     (x0, y0), (x1, y1) = start, end
     length = float(np.hypot(x1 - x0, y1 - y0))
@@ -44,17 +66,22 @@ def along_line(
     # rounding must not leave the plane
     x, y = (np.clip(c, *plane[name].values[[0, -1]]) for name, c in way.items())
     names = [n for n in fields_of(plane) if n not in _SKIPPED]
+    parts = []
     for part in blocks(plane):
         ok = usable(part)
         samples = {n: bilinear(part[n].where(ok), x, y) for n in names}
-        table = {"s": s, "x": x, "y": y} | samples
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        table["along"], table["across"] = (
-            table["u"] * ux + table["v"] * uy,
-            table["v"] * ux - table["u"] * uy,
-        )
-        for k, time in enumerate(part["time"].values):
-            rows = pd.DataFrame({n: v[k] if np.ndim(v) == 2 else v for n, v in table.items()})
-            if "time" in plane["u"].dims:
-                rows.insert(0, "time", float(time))
-            yield rows
+        samples["along"] = samples["u"] * ux + samples["v"] * uy
+        samples["across"] = samples["v"] * ux - samples["u"] * uy
+        parts.append(samples)
+    units = {n: plane[n].attrs.get("units", "1") for n in names}
+    units |= dict.fromkeys(("along", "across"), units["u"])
+    line = xr.Dataset(
+        {n: (("time", "s"), np.concatenate([p[n] for p in parts]), {"units": units[n]})
+         for n in parts[0]},
+        coords={"s": ("s", s, plane["x"].attrs), "x": ("s", x, plane["x"].attrs),
+                "y": ("s", y, plane["y"].attrs)},
+    )  # fmt: skip
+    if "time" not in plane["u"].dims:
+        return line.isel(time=0)
+    return line.assign_coords(time=plane["time"])

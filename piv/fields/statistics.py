@@ -5,8 +5,7 @@ import xarray as xr
 from numpy import ndarray
 
 from piv.fields.blocks import blocks
-from piv.foreign.write import units_of
-from piv.formats.plane_series import make_plane, usable, vectors_of
+from piv.formats.plane_series import make_plane, units_of, usable, vectors_of
 
 # grid points, evenly chosen, that the correlation of samples in time is estimated from
 _SAMPLED = 2500

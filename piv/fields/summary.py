@@ -40,7 +40,7 @@ def summary(plane: xr.Dataset) -> str:
     if std.size:
         text += f"; standard uncertainty median {np.median(std):.2g} {unit}"
     if "background=static" in str(plane.attrs.get("settings", "")):
-        text += "; static background taken off (--preprocess none keeps it)"
+        text += "; static background taken off (preprocess = none keeps it)"
     if chosen.size < present.size:
         text += f" (measured on {chosen.size} of them, evenly chosen)"
     return text

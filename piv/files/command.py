@@ -20,7 +20,15 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from piv.files import __version__
-from piv.files.errors import StageError, printable, sentence, suggestion, system_error
+from piv.files.errors import (
+    FLAGS,
+    StageError,
+    as_flags,
+    printable,
+    sentence,
+    suggestion,
+    system_error,
+)
 
 _PROGRAMS = ("softfinger", "piv")
 _LEAST_MEMORY = 2 * 10**9  # bytes of address space; the libraries alone reserve about one
@@ -120,7 +128,7 @@ def _ended(name: str, action: Callable[[], int | None], strict: bool) -> int:
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(printable(f"{begin}{message}"), file=sys.stderr)
+        print(printable(as_flags(f"{begin}{message}")), file=sys.stderr)
         return 2
 
 
@@ -186,7 +194,11 @@ def command_line(
             chosen.error(f"unrecognized arguments: {' '.join(unknown)}{options}")
         _check_inputs(args)
         working()
+        FLAGS.update({a.dest: a.option_strings[-1] for a in chosen._actions if a.option_strings})
         with around(args):
             return module.run(args)
 
-    return guarded(" ".join([program, *words[:1]]), action)
+    try:
+        return guarded(" ".join([program, *words[:1]]), action)
+    finally:
+        FLAGS.clear()

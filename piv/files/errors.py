@@ -4,6 +4,7 @@ import difflib
 import errno
 import os
 import re
+import sys
 from collections.abc import Iterable
 
 _ADVICE = {
@@ -15,6 +16,30 @@ _ADVICE = {
 
 # control characters, which begin escape sequences, and those that turn the direction of writing
 _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+# of the command that runs: its options by name, such as interval: --interval; empty in Python
+FLAGS: dict[str, str] = {}
+
+
+def as_flags(text: str) -> str:
+    """The text with the options in it, `interval` or `shake = False`, as flags of the command."""
+
+    def flag(match: re.Match[str]) -> str:
+        name, value = match.groups()
+        if name not in FLAGS:
+            return match[0]
+        word = FLAGS[name]
+        if value in ("True", "False"):
+            return word if value == "True" else f"--no-{word[2:]}"
+        return f"{word} {value}" if value else word
+
+    return re.sub(r"`(\w+)(?: = ([^`]+))?`", flag, text)
+
+
+def warn(text: str) -> None:
+    """Print a warning; options in it as `as_flags`."""
+    print(printable(as_flags(text)), file=sys.stderr, flush=True)
 
 
 def one_line(error: BaseException, longest: int = 80) -> str:

@@ -1,35 +1,37 @@
-"""Vector buffers of DaVis through lvpyio, whose library ends its process on damaged files."""
+"""Vector buffers of DaVis, .vc7."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from piv.files.child_process import read_in_child
-from piv.files.errors import one_line
+from piv.foreign.vectors import Vectors, on_grid, spelled
+from piv.images.recordings.davis import read_with_lvpyio, scale_of
 
 
-def read_buffer(path: Path) -> dict[str, Any]:
-    """Vectors of the first frame of a .vc7.
+def read_davis(path: Path) -> Vectors:
+    """Vectors of the first frame of a buffer, scaled; disabled and masked ones are absent.
 
-    `u`, `v` (rows, columns), `absent` (bool), `grid` (x, y); axes `x`, `y`, `i`, each
-    (slope, offset, unit).
-
-    ValueError where lvpyio is not installed or cannot read it.
+    Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of
+    the axis that DaVis scaled; rows run from the top, so y is "up" where that scale's slope is
+    negative, as after a calibration, else "down".
     """
-    try:
-        import lvpyio  # noqa: F401  # here, and not in every child: loading it takes a second
-    except ImportError:
-        raise ValueError(
-            f"{path}: DaVis files need the package lvpyio, which may be used but is not free "
-            "software: pip install lvpyio"
-        ) from None
-    try:
-        return read_in_child(_read, str(path.resolve()))
-    except Exception as error:  # the library raises its own kinds
-        raise ValueError(
-            f"{path}: not a readable DaVis vector buffer ({one_line(error, 200)})"
-        ) from error
+    buffer = read_with_lvpyio(path, _read)
+    absent = buffer["absent"]
+    (slope_x, offset_x, unit_x), (slope_y, offset_y, _) = buffer["x"], buffer["y"]
+    rows, columns = absent.shape
+    x = (np.arange(columns) + 0.5) * buffer["grid"][0] * slope_x + offset_x
+    y = (np.arange(rows) + 0.5) * buffer["grid"][1] * slope_y + offset_y
+    u, v = (np.where(absent, np.nan, buffer[n]) for n in ("u", "v"))
+    # DaVis counts from the edge of the first pixel, we from its centre
+    if spelled(unit_x) == "px":
+        x, y = x - 0.5, y - 0.5
+    grid = on_grid(path, [*np.meshgrid(x, y), u, v], np.where(absent, 2, 0))
+    velocity = spelled(buffer["i"][2])
+    velocity = "px/frame" if velocity == "px" else velocity
+    return Vectors(
+        *grid, spelled(unit_x) or None, velocity or None, "down" if slope_y > 0 else "up"
+    )
 
 
 def _read(path: str) -> dict[str, Any]:
@@ -39,11 +41,10 @@ def _read(path: str) -> dict[str, Any]:
     values = frame.as_masked_array(0)
     if values.dtype.names is None or "u" not in values.dtype.names:
         raise ValueError("the DaVis buffer holds an image, not vectors")
-    scales = {a: getattr(frame.scales, a) for a in ("x", "y", "i")}
     return {
         "u": values["u"].data,
         "v": values["v"].data,
         "absent": np.ma.getmaskarray(values)["u"],
         "grid": (frame.grid.x, frame.grid.y),
-        **{a: (float(s.slope), float(s.offset), str(s.unit)) for a, s in scales.items()},
+        **{axis: scale_of(getattr(frame.scales, axis)) for axis in ("x", "y", "i")},
     }

@@ -1,7 +1,7 @@
-"""From other programs' vectors to plane series, and from plane series to what others open."""
+"""From other programs' vectors to plane series."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +10,19 @@ import xarray as xr
 from numpy import ndarray
 
 from piv.files.json_text import natural_key
-from piv.foreign.pivpy import netcdf_layout, own_netcdf, read_pivpy
-from piv.foreign.vector_files import (
-    READERS,
-    Vectors,
-    guess_format,
-    read_davis,
-    read_openpiv,
-    read_pivlab,
-    read_tecplot,
-)
-from piv.foreign.write import units_of
-from piv.formats.plane_series import checked, make_plane, read_plane
+from piv.foreign.davis import read_davis
+from piv.foreign.pivlab import read_pivlab
+from piv.foreign.pivpy import read_pivpy
+from piv.foreign.text_files import read_text
+from piv.foreign.vectors import Vectors
+from piv.formats.plane_series import checked, make_plane, read_plane, units_of
 from piv.images.calibration import Calibration, calibrate_plane
 
+READERS = ("text", "pivlab", "davis", "pivpy", "plane")
+_SUFFIXES = {
+    "text": (".txt", ".csv", ".dat", ".tec", ".plt", ".vec"), "pivlab": (".mat",),
+    "davis": (".vc7", ".vec7"), "pivpy": (".nc",), "plane": (".h5",),
+}  # fmt: skip
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 _VELOCITIES = [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")]
 
@@ -36,56 +35,57 @@ def to_plane(
     velocity_unit: str | None = None,
     y_axis: str | None = None,
     scale_mm_per_px: float | None = None,
-    interval_s: float | None = None,
+    interval: float | None = None,
     image_rows: int | None = None,
 ) -> xr.Dataset:
     """A plane in m and m/s, y up, from vectors in the file's units and the stated options.
 
-    Displacements in px stay px unless `scale_mm_per_px` or `interval_s` is stated, then both are
-    needed; lengths per frame need `interval_s`; px with y down need `image_rows`, the height of the
-    image, because 0 is to be its bottom row. ValueError names the missing option, and refuses an
-    option that contradicts the file.
+    Displacements in px stay px unless scale and interval are known, or one of them is stated: then
+    both are needed. Lengths per frame need the interval; px with y down need `image_rows`, the
+    height of the image, because 0 is to be its bottom row. ValueError names the missing option, and
+    refuses an option that contradicts the file.
     """
-    length = _agreed(name, "--length-unit", vectors.length_unit, length_unit, [*LENGTHS, "px"])
     stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
-    velocity = _agreed(name, "--velocity-unit", stated, velocity_unit, _VELOCITIES)
-    direction = _agreed(name, "--y-axis", vectors.y_axis, y_axis, ["up", "down"])
-
-    pixels = (
-        (length, velocity) == ("px", "px/frame") and scale_mm_per_px is None and interval_s is None
+    length, velocity, direction = _agreed(
+        name,
+        {
+            "length_unit": (vectors.length_unit, length_unit, [*LENGTHS, "px"]),
+            "velocity_unit": (stated, velocity_unit, _VELOCITIES),
+            "y_axis": (vectors.y_axis, y_axis, ["up", "down"]),
+        },
     )
+    wanted = scale_mm_per_px is not None or interval is not None
+    scale = _number(name, "scale_mm_per_px", vectors.scale_mm_per_px, scale_mm_per_px)
+    interval = _number(name, "interval", vectors.interval, interval)
+    rows = _number(name, "image_rows", vectors.image_rows, image_rows)
+    pixels = (length, velocity) == ("px", "px/frame") and not wanted and not (scale and interval)
 
     def factor(unit: str) -> float:
         if pixels:
             return 1.0
         if unit != "px":
             return LENGTHS[unit]
-        if scale_mm_per_px is None or not scale_mm_per_px > 0:
-            raise ValueError(f"{name}: the file is in px; give a positive --scale-mm-per-px")
-        return scale_mm_per_px * 1e-3
+        if scale is None:
+            raise ValueError(f"{name}: the file is in px; give `scale_mm_per_px`")
+        return scale * 1e-3
 
     unit, per = velocity.split("/")
     speed = factor(unit)
     if per == "frame" and not pixels:
-        if interval_s is None or not interval_s > 0:
+        if interval is None:
             raise ValueError(
-                f"{name}: displacements per frame; give the time between exposures, --interval"
+                f"{name}: displacements per frame; give the time between exposures, `interval`"
             )
-        speed /= interval_s
-    x, y, u, v, flag = (
-        vectors.x * factor(length),
-        vectors.y,
-        vectors.u * speed,
-        vectors.v * speed,
-        vectors.flag,
-    )
+        speed /= interval
+    x, y, flag = vectors.x * factor(length), vectors.y, vectors.flag
+    u, v = vectors.u * speed, vectors.v * speed
     if direction == "down":
         if length == "px":
-            if image_rows is None:
+            if rows is None:
                 raise ValueError(
-                    f"{name}: y is in px from the top; give the image's height, --image-rows"
+                    f"{name}: y is in px from the top; give the image's height, `image_rows`"
                 )
-            y = (image_rows - 1) - y
+            y = (rows - 1) - y
         else:
             y = -y
         y, u, v, flag = y[::-1], u[::-1], -v[::-1], flag[::-1]
@@ -94,6 +94,8 @@ def to_plane(
     valid &= np.isfinite(u) & np.isfinite(v)
     u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
     plane = make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
+    if interval is not None:
+        plane.attrs["interval"] = float(interval)
     return in_px(plane, "frame") if pixels else plane
 
 
@@ -105,25 +107,43 @@ def in_px(plane: xr.Dataset, time: str) -> xr.Dataset:
     return plane
 
 
+def _number(name: str, option: str, stated: float | None, value: float | None) -> float | None:
+    """The number that the file states, or the caller; ValueError where they differ."""
+    if value is not None and not value > 0:
+        raise ValueError(f"{name}: `{option}` must be positive, got {value:g}")
+    if stated and value and abs(value / stated - 1) > 1e-3:
+        raise ValueError(
+            f"{name}: `{option}` {value:g} contradicts the file, which states {stated:g}"
+        )
+    return stated or value
+
+
 def _agreed(
-    name: str, option: str, stated: str | None, option_value: str | None, known: Sequence[str]
-) -> str:
-    if stated and option_value and stated != option_value:
-        raise ValueError(
-            f"{name}: {option} {option_value} contradicts the file, which states {stated}"
-        )
-    value = stated or option_value
-    if not value:
-        raise ValueError(f"{name}: the file does not state it; give {option} ({', '.join(known)})")
-    if value not in known:
-        raise ValueError(
-            f"{name}: unknown {option.lstrip('-')} {value!r}; known are {', '.join(known)}"
-        )
-    return value
+    name: str, options: dict[str, tuple[str | None, str | None, Sequence[str]]]
+) -> list[str]:
+    """Of each option what the file states, or the caller, out of the known words.
+
+    ValueError where the two differ, for an unknown word, and with the names of all that is missing.
+    """
+    for option, (stated, value, known) in options.items():
+        if stated and value and stated != value:
+            raise ValueError(
+                f"{name}: `{option}` {value} contradicts the file, which states {stated}"
+            )
+        if (word := stated or value) and word not in known:
+            raise ValueError(f"{name}: unknown `{option}` {word!r}; known are {', '.join(known)}")
+    missing = [
+        f"`{option}` ({', '.join(known)})"
+        for option, (stated, value, known) in options.items()
+        if not (stated or value)
+    ]
+    if missing:
+        raise ValueError(f"{name}: the file does not state all; give {' and '.join(missing)}")
+    return [str(stated or value) for stated, value, _ in options.values()]
 
 
 def read_vectors(
-    paths: Sequence[str | Path],
+    paths: str | Path | Sequence[str | Path],
     *,
     kind: str | None = None,
     rate: float | None = None,
@@ -138,25 +158,26 @@ def read_vectors(
     programs write where they have none, become masked. Files of this project stay as they are but
     for vectors in px, which scale and interval take to SI.
     """
-    files = [Path(p) for p in paths]
+    files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     if not files:
         raise ValueError("name at least one file of vectors")
-    if kind in (None, "plane") and (plane := read_own(files[0])) is not None:
-        if len(files) > 1:
-            raise ValueError(f"{files[1]}: a second file of a series; give {files[0].name} alone")
-        if keep_replaced or zero_is_absent:
-            raise ValueError(
-                f"{files[0]}: --keep-replaced and --zero-is-absent are of other programs' files"
-            )
-        return _in_units(checked(plane, files[0]), str(files[0]), rate, **units)
-    kinds = {kind or guess_format(p) for p in files}
+    kinds = {kind or _kind_of(p) for p in files}
     if len(kinds) > 1:
         raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
     kind = kinds.pop()
-    if kind == "pivpy" and len(files) > 1:
-        raise ValueError(f"{files[1]}: a second file of a series; give one, which holds it whole")
     if kind not in READERS:
         raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
+    if kind in ("plane", "pivpy") and len(files) > 1:
+        raise ValueError(f"{files[1]}: a second file of a series; give one, which holds it whole")
+    for path in files:
+        if not path.is_file():
+            raise FileNotFoundError(f"{path}: no such file")
+    if kind == "plane":
+        if keep_replaced or zero_is_absent:
+            raise ValueError(
+                f"{files[0]}: `keep_replaced` and `zero_is_absent` are of other programs' files"
+            )
+        return _in_units(checked(read_plane(files[0]), files[0]), str(files[0]), rate, **units)
     files.sort(key=natural_key)
     planes, names, times = [], [], []
     for path in files:
@@ -166,14 +187,10 @@ def read_vectors(
             planes.append(to_plane(vectors, str(path), **units))
             names.append(path)
             times.append(vectors.time)
-    attrs: dict[str, Any] = {
-        "source": "lab", "imported_from": json.dumps([p.name for p in files])
-    }  # fmt: skip
-    if units.get("interval_s") is not None:
-        attrs["interval"] = float(units["interval_s"])
-    if len(planes) == 1:
-        return planes[0].assign_attrs(attrs)
     first = planes[0]
+    attrs = first.attrs | {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
+    if len(planes) == 1:
+        return first.assign_attrs(attrs)
     for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
             if plane[axis].shape != first[axis].shape or not np.allclose(plane[axis], first[axis]):
@@ -190,6 +207,25 @@ def read_vectors(
     return in_px(series, unit) if pixels else series
 
 
+def _kind_of(path: Path) -> str:
+    """Name of the reader for a file by its suffix; ValueError where it is unknown."""
+    for kind, suffixes in _SUFFIXES.items():
+        if path.suffix.lower() in suffixes:
+            return kind
+    raise ValueError(
+        f"{path}: unknown kind of vector file; name it with `kind` ({', '.join(READERS)})"
+    )
+
+
+def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterator[Vectors]:
+    if kind == "davis":
+        return iter([read_davis(path)])
+    if kind == "pivpy":
+        return read_pivpy(path)
+    read = read_text if kind == "text" else read_pivlab
+    return read(path, keep_replaced=keep_replaced)
+
+
 def _times(times: list[float | None], rate: float | None, pixels: bool) -> tuple[ndarray, str]:
     """Times of instants and their unit: the files' own, else of `rate` (Hz), else frames.
 
@@ -199,12 +235,12 @@ def _times(times: list[float | None], rate: float | None, pixels: bool) -> tuple
     if np.isfinite(stated).all() and (np.diff(stated) > 0).all():
         if rate is not None and not np.allclose(np.diff(stated) * rate, 1, atol=1e-3):
             own = 1 / float(np.diff(stated).mean())
-            raise ValueError(f"--rate {rate:g} contradicts its own times, {own:.6g} Hz in the mean")
+            raise ValueError(f"`rate` {rate:g} contradicts its own times, {own:.6g} Hz in the mean")
         return stated, "s"
     if rate is not None:
         return np.arange(len(times)) / rate, "s"
     if not pixels:
-        raise ValueError(f"{len(times)} instants are a series in time; give --rate")
+        raise ValueError(f"{len(times)} instants are a series in time; give `rate`")
     return np.arange(len(times), dtype=float), "frame"
 
 
@@ -214,11 +250,10 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
     stated = {"length_unit": length, "velocity_unit": velocity, "y_axis": "up"}
     if velocity == "px":
         stated["velocity_unit"] = "px/frame"
-    for key, value in stated.items():
-        _agreed(name, f"--{key.replace('_', '-')}", value, units.get(key), [value])
-    scale, interval = units.get("scale_mm_per_px"), units.get("interval_s")
+    _agreed(name, {key: (value, units.get(key), [value]) for key, value in stated.items()})
+    scale, interval = units.get("scale_mm_per_px"), units.get("interval")
     if units.get("image_rows") is not None:
-        raise ValueError(f"{name}: --image-rows is of files that count px downwards")
+        raise ValueError(f"{name}: `image_rows` is of files that count px downwards")
     if scale is None and interval is None and rate is None:
         return plane
     if length != "px":
@@ -226,7 +261,7 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
             f"{name}: is in {length} and {velocity}; a scale or a clock would contradict it"
         )
     if scale is None:
-        raise ValueError(f"{name}: is in px; give --scale-mm-per-px too")
+        raise ValueError(f"{name}: is in px; give `scale_mm_per_px` too")
     try:
         return calibrate_plane(plane, Calibration(scale), interval, rate)
     except ValueError as error:
@@ -234,7 +269,7 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
 
 
 def open_vectors(path: str | Path) -> xr.Dataset:
-    """Vectors of one file that this project writes; .h5 and .nc lazily (see `check_vectors`).
+    """Vectors of one file: a plane series .h5 lazily, or another file that states its units.
 
     ValueError, or FileNotFoundError, in one sentence.
     """
@@ -242,31 +277,11 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     if not path.is_file():
         kind = "is a folder; give a file" if path.is_dir() else "no such file"
         raise FileNotFoundError(f"{path}: {kind}")
-    if (plane := read_own(path)) is not None:
-        return plane
-    if path.suffix.lower() not in (".txt", ".dat", ".vc7"):
+    if path.suffix.lower() == ".h5":
+        return read_plane(path)
+    if not any(path.suffix.lower() in suffixes for suffixes in _SUFFIXES.values()):
         raise ValueError(
             f"{path}: no file of vectors; piv convert makes one of other programs' files, piv "
             "correlate of images"
         )
-    return read_vectors([path])
-
-
-def read_own(path: Path) -> xr.Dataset | None:
-    """A file that this project wrote, those of HDF5 lazily; None for other programs' files."""
-    suffix = path.suffix.lower()
-    if suffix == ".h5":
-        return read_plane(path)
-    if suffix == ".nc":
-        return own_netcdf(path) if netcdf_layout(path) == "plane" else None
-    return None
-
-
-def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterable[Vectors]:
-    if kind == "pivlab":
-        return read_pivlab(path, keep_replaced=keep_replaced)
-    if kind == "pivpy":
-        return [Vectors(*instant) for instant in read_pivpy(path)]
-    if kind == "tecplot":
-        return read_tecplot(path)
-    return [{"openpiv": read_openpiv, "davis": read_davis}[kind](path)]
+    return read_vectors(path)

@@ -1,81 +1,112 @@
-"""Plane series in the formats that other programs open."""
+"""Plane series in the files that other programs open: netCDF, CSV, VTK, MATLAB."""
 
-import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy.io import savemat
 
-from piv.files.atomic import write_text
-from piv.foreign.export import write_csv, write_mat, write_tecplot, write_vti
+from piv.files.atomic import whole, write_text
+from piv.files.errors import one_line
 from piv.foreign.pivpy import write_pivpy
-from piv.formats.plane_series import check_plane, write_plane
-
-_WHOLE = {  # which hold every variable
-    ".h5": write_plane,
-    ".nc": write_pivpy,
-    ".csv": write_csv,
-    ".mat": write_mat,
-    ".dat": write_tecplot,
-    ".vti": write_vti,
-}
-_OPENPIV = ("u", "v", "valid", "flag")  # what its files hold of each vector
+from piv.formats.plane_series import check_plane, fields_of, write_plane
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
-    """Write by suffix: .h5, .nc (pivpy), .csv, .mat, .dat (Tecplot), .vti, .txt (OpenPIV).
+    """Write a plane or series by suffix: .h5, .nc (pivpy), .csv, .mat, .vti.
 
-    The last two write one file per instant, numbered where there are several; `left_out` says
-    what the last one cannot hold. Returns the files.
+    Every format holds every field. A series as .vti is one file per instant, numbered, and a .pvd
+    of their times. Returns the files.
     """
     path = Path(path)
     check_plane(plane)
     suffix = path.suffix.lower()
-    if suffix in _WHOLE:
-        return _WHOLE[suffix](plane, path) or [path]
-    if suffix != ".txt":
-        known = " ".join([*_WHOLE, ".txt"])
-        raise ValueError(f"{path}: cannot write {suffix!r}; known are {known}")
-    if "time" not in plane.dims:
-        frames, names = [plane], [path]
-    else:
-        frames = [plane.isel(time=k) for k in range(plane.sizes["time"])]
-        width = max(4, len(str(len(frames) - 1)))
-        names = [path.with_name(f"{path.stem}_{k:0{width}d}{suffix}") for k in range(len(frames))]
-    for name, frame in zip(names, frames, strict=True):
-        write_text(name, _openpiv(frame))
-    return names
+    if suffix not in _WRITERS:
+        raise ValueError(f"{path}: cannot write {suffix!r}; known are {' '.join(_WRITERS)}")
+    return _WRITERS[suffix](plane, path) or [path]
 
 
-def left_out(plane: xr.Dataset, path: str | Path) -> list[str]:
-    """Names of the variables that the format of `path` does not hold."""
-    openpiv = Path(path).suffix.lower() == ".txt"
-    return [str(n) for n in plane.data_vars if openpiv and n not in _OPENPIV]
+def _instants(plane: xr.Dataset) -> Iterator[tuple[float, xr.Dataset]]:
+    """Time and fields of every instant."""
+    fields = plane[fields_of(plane)]
+    if "time" not in fields.dims:
+        yield float(plane.coords.get("time", 0.0)), fields
+        return
+    for k, time in enumerate(plane["time"].values):
+        yield float(time), fields.isel(time=k)
 
 
-def units_of(plane: xr.Dataset) -> tuple[str, str]:
-    """(unit of length, unit of velocity) that a plane states."""
-    return str(plane["x"].attrs.get("units", "m")), str(plane["u"].attrs.get("units", "m/s"))
+def _table(fields: xr.Dataset) -> pd.DataFrame:
+    xx, yy = np.meshgrid(fields["x"].values, fields["y"].values)
+    values = {str(n): f.values.ravel() for n, f in fields.data_vars.items()}
+    return pd.DataFrame({"x": xx.ravel(), "y": yy.ravel()} | values)
 
 
-def circulation_unit(length: str) -> str:
-    """Unit of a circulation in a plane whose unit of `length` is this."""
-    return "px²/frame" if length == "px" else f"{length}²/s"
+def _write_csv(plane: xr.Dataset, path: Path) -> None:
+    """Time, x, y and every field; empty where absent. A first line # has the units."""
+    units = {n: plane[n].attrs.get("units", "1") for n in ("x", "y", *fields_of(plane))}
+    with whole(path) as part, part.open("w", encoding="utf-8") as file:
+        file.write(f"# y up; {'; '.join(f'{n} in {unit}' for n, unit in units.items())}\n")
+        for k, (time, fields) in enumerate(_instants(plane)):
+            table = _table(fields)
+            table.insert(0, "time", time)
+            table.to_csv(file, index=False, header=k == 0)
 
 
-def _openpiv(plane: xr.Dataset) -> str:
-    length, velocity = units_of(plane)
-    x, y = (a.ravel() for a in np.meshgrid(plane["x"].values, plane["y"].values))
-    u, v, absent = (plane[n].values.ravel() for n in ("u", "v", "valid"))
-    absent = absent == 0
-    masked = plane["flag"].values.ravel() == 2 if "flag" in plane else absent
-    rows = np.column_stack([x, y, u, v, absent & ~masked, masked])
-    text = io.StringIO()
-    np.savetxt(
-        text,
-        rows,
-        fmt="%.9g",
-        delimiter="\t",
-        header=f"length {length}; velocity {velocity}; y up\nx\ty\tu\tv\tflags\tmask",
-    )
-    return text.getvalue()
+def _write_vti(plane: xr.Dataset, path: Path) -> list[Path]:
+    """VTK image data with the vectors as `velocity`, 0 where absent."""
+    try:
+        import pyvista
+    except ImportError:
+        raise ValueError(
+            f"{path}: VTK files need the package pyvista: pip install pyvista"
+        ) from None
+    x, y = plane["x"].values, plane["y"].values
+    several = "time" in plane.dims
+    files, sets = [], ""
+    for k, (time, fields) in enumerate(_instants(plane)):
+        files.append(path.with_name(f"{path.stem}_{k:04d}.vti") if several else path)
+        grid = pyvista.ImageData(
+            dimensions=(x.size, y.size, 1), origin=(x[0], y[0], 0),
+            spacing=(x[1] - x[0], y[1] - y[0], 1),
+        )  # fmt: skip
+        u, v = (np.nan_to_num(fields[n].values.ravel()) for n in ("u", "v"))
+        grid.point_data["velocity"] = np.stack([u, v, np.zeros_like(u)], axis=-1)
+        for name, field in fields.data_vars.items():
+            grid.point_data[str(name)] = field.values.ravel()
+        grid.field_data["TimeValue"] = [time]
+        with whole(files[-1], suffix=True) as part:
+            grid.save(part)
+        sets += f'<DataSet timestep="{time!r}" file="{files[-1].name}"/>\n'
+    if several:
+        files.append(path.with_suffix(".pvd"))
+        collection = f"<Collection>\n{sets}</Collection>"
+        write_text(
+            files[-1], f'<VTKFile type="Collection" version="0.1">\n{collection}\n</VTKFile>\n'
+        )
+    return files
+
+
+def _write_mat(plane: xr.Dataset, path: Path) -> None:
+    """MATLAB 5: axes, fields (y, x) or (y, x, time), struct `units`."""
+    values = {str(n): v.values for n, v in plane.variables.items()}
+    for name in fields_of(plane):
+        if "time" in plane[name].dims:
+            values[name] = np.moveaxis(values[name], 0, -1)
+    units = {n: str(plane[n].attrs["units"]) for n in values if plane[n].attrs.get("units")}
+    try:
+        with whole(path, suffix=True) as part:
+            savemat(part, values | {"units": units}, do_compression=True, long_field_names=True)
+    except (ValueError, OverflowError) as error:
+        raise ValueError(
+            f"{path}: too large for a MATLAB file of version 5 ({one_line(error)}); "
+            "write .nc, which MATLAB reads by ncread"
+        ) from error
+
+
+_WRITERS = {
+    ".h5": write_plane, ".nc": write_pivpy, ".csv": _write_csv, ".mat": _write_mat,
+    ".vti": _write_vti,
+}  # fmt: skip

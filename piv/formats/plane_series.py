@@ -163,6 +163,16 @@ def fields_of(plane: xr.Dataset) -> list[str]:
     return [str(n) for n, v in plane.data_vars.items() if v.dims[-2:] == ("y", "x")]
 
 
+def units_of(plane: xr.Dataset) -> tuple[str, str]:
+    """(unit of length, unit of velocity) that a plane states."""
+    return str(plane["x"].attrs.get("units", "m")), str(plane["u"].attrs.get("units", "m/s"))
+
+
+def circulation_unit(length: str) -> str:
+    """Unit of a circulation in a plane whose unit of `length` is this."""
+    return "px²/frame" if length == "px" else f"{length}²/s"
+
+
 def usable(plane: xr.Dataset) -> xr.DataArray:
     """The usable vectors (glossary) of a plane or series, bool with the axes of `valid`."""
     f = plane.variables

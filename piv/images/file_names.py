@@ -52,7 +52,7 @@ def pairing_by_name(paths: Sequence[Path]) -> tuple[str | None, str]:
             return couples, ""
         return None, (
             f"{paths[0]} ...: the names are of pairs, but not in the order of pairs; give the "
-            "folder or a pattern, or --pairing"
+            "folder or a pattern, or `pairing`"
         )
     for path, (name, label) in zip(paths, names, strict=True):
         for other in partners - {label}:
@@ -62,7 +62,7 @@ def pairing_by_name(paths: Sequence[Path]) -> tuple[str | None, str]:
             return None, (
                 f"{path}: the name is of one exposure of a pair, and {partner.name} is not among "
                 "the images; add it (a pattern that takes both, such as "
-                f"'*{path.suffix}'), or say with --pairing how they go together"
+                f"'*{path.suffix}'), or say with `pairing` how they go together"
             )
     return neighbours, ""
 

@@ -1,6 +1,5 @@
 """Recordings that are image files, one frame or several in each."""
 
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,21 +9,24 @@ from numpy import ndarray
 
 from piv.images.file_names import pairing_by_name, with_missing
 from piv.images.recording import Recording, UnreadableFrame
+from piv.images.recordings.tiff import TIFF_SUFFIXES, RawStack, raw_stack, tiff_pages
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 COLOURS = ("refuse", "luma", "green")
 
 
 def to_grey(image: ndarray, colour: str, name: str) -> ndarray:
-    """2-D uint8/uint16 from a decoded image; equal channels are one, alpha is ignored.
+    """2-D uint8, uint16 or float32 from a decoded image; equal channels are one, alpha is ignored.
+
+    Other numbers, such as those of int16, uint32 and float TIFF, become float32 as they are.
 
     Really coloured images need a rule: "luma" (Rec. 601) or "green" (the sharpest channel of a
     Bayer sensor under green laser light); with "refuse" they raise ValueError.
     """
+    if image.dtype.kind not in "uif":
+        raise ValueError(f"{name}: pixels are {image.dtype}; save them as grey TIFF")
     if image.dtype not in (np.uint8, np.uint16):
-        raise ValueError(
-            f"{name}: pixels are {image.dtype}; convert to 8 or 16 bit unsigned integers"
-        )
+        image = image.astype(np.float32)
     if image.ndim == 2:
         return image
     if image.shape[2] < 3:  # grey and alpha
@@ -42,10 +44,11 @@ def to_grey(image: ndarray, colour: str, name: str) -> ndarray:
 
 
 class ImageFiles(Recording):
-    """Image files in their order, TIFF stacks page by page (8 to 16 bit)."""
+    """Image files in their order, TIFF stacks page by page."""
 
     def __init__(self, paths: Sequence[Path], *, colour: str = "refuse") -> None:
         self.broken: dict[Path, UnreadableFrame] = {}
+        self._stacks: dict[Path, RawStack] = {}  # of ImageJ, which other programs see as one page
         pages = [(p, k) for p in paths for k in range(self._count(p, len(paths) == 1))]
         pairing, doubt = pairing_by_name(paths)
         if len(pages) == len(paths):
@@ -62,7 +65,9 @@ class ImageFiles(Recording):
     def _count(self, path: Path, alone: bool) -> int:
         """Frames in a file; 1 of a damaged one among others, whose frame then cannot be read."""
         try:
-            return _page_count(path)
+            if (count := _page_count(path)) == 1 and (stack := raw_stack(path)) is not None:
+                self._stacks[path], count = stack, stack.count
+            return count
         except UnreadableFrame as error:
             if alone:
                 raise
@@ -79,6 +84,8 @@ class ImageFiles(Recording):
             raise UnreadableFrame(f"{path}: this picture is missing, its neighbours are there")
         if path in self.broken:
             raise self.broken[path]
+        if path in self._stacks:
+            return to_grey(self._stacks[path].page(page), self.colour, self.frame_name(i))
         try:
             done, images = cv2.imreadmulti(
                 str(path), start=page, count=1, flags=cv2.IMREAD_UNCHANGED
@@ -101,43 +108,7 @@ def _page_count(path: Path) -> int:
         raise UnreadableFrame(
             f"{path}: the JPEG image is cut off; copy it again, or leave it out"
         )  # OpenCV would fill the rest with grey
-    return _tiff_pages(path) if suffix in (".tif", ".tiff") else 1
-
-
-def _tiff_pages(path: Path) -> int:
-    """Number of pages by the chain of directories (TIFF 6.0, BigTIFF); ValueError if broken.
-
-    OpenCV's own count stops silently at a break, so that half a stack would pass for a whole one.
-    """
-    size = path.stat().st_size
-    broken = UnreadableFrame(f"{path}: not readable as a TIFF image (damaged, or another format)")
-    with path.open("rb") as file:
-        head = file.read(16)
-        order = {b"II": "<", b"MM": ">"}.get(head[:2])
-        if order is None or len(head) < 8:
-            raise broken
-        big = struct.unpack(order + "H", head[2:4])[0] == 43
-        count_code, entry, link_code = ("Q", 20, "Q") if big else ("H", 12, "I")
-        count_code, link_code = order + count_code, order + link_code
-        count_size, link_size = struct.calcsize(count_code), struct.calcsize(link_code)
-        link = head[8:16] if big else head[4:8]
-        seen: set[int] = set()
-        while (offset := struct.unpack(link_code, link)[0]) != 0:
-            if offset > size:
-                raise broken
-            file.seek(offset)
-            number = file.read(count_size)
-            if offset in seen or len(number) < count_size:
-                raise broken
-            seen.add(offset)
-            end = offset + count_size + struct.unpack(count_code, number)[0] * entry
-            if end + link_size > size:
-                raise broken
-            file.seek(end)
-            link = file.read(link_size)
-    if not seen:
-        raise broken
-    return len(seen)
+    return tiff_pages(path) if suffix in TIFF_SUFFIXES else 1
 
 
 def _common_name(paths: Sequence[Path]) -> str:

@@ -186,7 +186,7 @@ def dark_body(
             raise ValueError(
                 f"no dark body: the darkest part of the frame has {dark:.3g} grey levels, the "
                 f"median {middle:.3g}; "
-                "give --threshold"
+                "give `threshold`"
             )
         threshold = float(np.sqrt(max(dark, 1.0) * middle))
     body: ndarray = (smooth < threshold).astype(np.uint8)
@@ -204,7 +204,7 @@ def dark_body(
         raise ValueError(
             f"no dark region of at least {min_area:g} of the image is below grey level "
             f"{threshold:.3g}; "
-            "give --threshold, or a lower --min-area"
+            "give `threshold`, or a lower `min_area`"
         )
     body = np.isin(labels, large).astype(np.uint8)
     contours, _ = cv2.findContours(body, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -215,7 +215,7 @@ def dark_body(
     if body.mean() > MOST:
         raise ValueError(
             f"what is below grey level {threshold:.3g} masks the whole image; give a lower "
-            "--threshold"
+            "`threshold`"
         )
     return body.astype(bool)
 

@@ -14,14 +14,20 @@ import numpy as np
 
 from piv.images.file_names import PAIRINGS, in_couples
 from piv.images.image_files import JPEG_SUFFIXES, ImageFiles
-from piv.images.photron import Photron
 from piv.images.recording import Recording
-from piv.images.recording_file import RecordingFile
-from piv.images.video import Video
+from piv.images.recordings.cine import Cine
+from piv.images.recordings.davis import DavisImages
+from piv.images.recordings.double_frames import DoubleFrames
+from piv.images.recordings.photron import Photron, exported, set_rate
+from piv.images.recordings.recording_file import RecordingFile
+from piv.images.recordings.tiff import TIFF_SUFFIXES
+from piv.images.recordings.video import Video
 
-IMAGE_SUFFIXES = (".tif", ".tiff", ".png", ".bmp", *JPEG_SUFFIXES, ".pgm")
+IMAGE_SUFFIXES = (*TIFF_SUFFIXES, ".png", ".bmp", *JPEG_SUFFIXES, ".pgm")
+DAVIS_SUFFIXES = (".im7",)
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".wmv", ".m4v", ".webm")
 PHOTRON_SUFFIXES = (".mraw", ".cihx", ".cih")
+CINE_SUFFIXES = (".cine",)
 HDF5_SUFFIXES = (".h5", ".hdf5")
 
 __all__ = ["PAIRINGS", "Recording", "open_recording", "pairs", "row_to_y_px"]
@@ -31,12 +37,15 @@ def open_recording(
     source: str | Path | Sequence[str | Path],
     *,
     colour: str = "refuse",
+    layout: str | None = None,
 ) -> Recording:
     """Open a recording for lazy reading.
 
     `source`: image files in their order, a folder or a glob of images (names in natural order:
-    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, or a recording .h5. `colour`:
-    see `piv.images.image_files.to_grey`. Raises FileNotFoundError or ValueError with one sentence.
+    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, a Phantom .cine, DaVis .im7, or
+    a recording .h5. `colour`: see `piv.images.image_files.to_grey`. `layout`: "top-bottom" or
+    "left-right" where each picture holds both exposures of a pair. Raises FileNotFoundError or
+    ValueError with one sentence.
     """
     if isinstance(source, str | Path):
         paths = files_of(source)
@@ -44,19 +53,36 @@ def open_recording(
         paths = files_of(source[0]) if len(source) == 1 else [Path(p) for p in source]
     if not paths:
         raise ValueError("name a recording: image files, a folder, a video, an .mraw or an .h5")
+    recording = _open_files(paths, colour)
+    return recording if layout is None else DoubleFrames(recording, layout)
+
+
+def _open_files(paths: list[Path], colour: str) -> Recording:
     suffixes = {p.suffix.lower() for p in paths}
     if suffixes <= set(IMAGE_SUFFIXES):
         return ImageFiles(paths, colour=colour)
+    if suffixes <= set(DAVIS_SUFFIXES):
+        return DavisImages(paths)
     if len(paths) > 1:
         raise ValueError(
             f"{paths[0]} and {len(paths) - 1} more: only image files can be joined to a recording"
         )
     path, suffix = paths[0], paths[0].suffix.lower()
-    kinds = {VIDEO_SUFFIXES: Video, PHOTRON_SUFFIXES: Photron, HDF5_SUFFIXES: RecordingFile}
+    if suffix in PHOTRON_SUFFIXES and (files := exported(path)):
+        recording = _open_files(in_couples(files), colour)
+        set_rate(recording, path)
+        return recording
+    kinds = {
+        VIDEO_SUFFIXES: Video, PHOTRON_SUFFIXES: Photron, HDF5_SUFFIXES: RecordingFile,
+        CINE_SUFFIXES: Cine,
+    }  # fmt: skip
     for own, kind in kinds.items():
         if suffix in own:
-            return kind(path)
-    known = IMAGE_SUFFIXES + sum(kinds, ())
+            recording = kind(path)
+            if kind is Video:
+                set_rate(recording, path)
+            return recording
+    known = IMAGE_SUFFIXES + DAVIS_SUFFIXES + sum(kinds, ())
     raise ValueError(f"{path}: unknown kind of recording {suffix!r}; known are {' '.join(known)}")
 
 
@@ -64,9 +90,10 @@ def files_of(source: str | Path) -> list[Path]:
     """Files of a name, a folder or a glob, in natural order; FileNotFoundError or ValueError."""
     path = Path(source)
     if path.is_dir():
-        images = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and p.is_file()]
+        read = IMAGE_SUFFIXES + DAVIS_SUFFIXES
+        images = [p for p in path.iterdir() if p.suffix.lower() in read and p.is_file()]
         if not images:
-            raise ValueError(f"{path}: the folder holds no image ({' '.join(IMAGE_SUFFIXES)})")
+            raise ValueError(f"{path}: the folder holds no image ({' '.join(read)})")
         kinds = sorted({p.suffix.lower() for p in images})
         if len(kinds) > 1:
             raise ValueError(

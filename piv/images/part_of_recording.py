@@ -54,6 +54,7 @@ class _PartOfRecording(Recording):
         self.cut = (slice(first, last + 1), slice(left, right + 1))
         self.corner_px = (float(left), float(bottom))
         self.key: Any = [
+            *([whole.key] if whole.key is not None else []),
             None if masks is None else masks.key,
             None if roi is None else [left, bottom, right, top],
         ]
@@ -205,7 +206,7 @@ def _corners(body: dict[str, Any], recording: Recording) -> ndarray:
         return np.repeat(corners, len(recording), axis=0)
     if "times" in body and recording.times is None:
         raise ValueError(
-            "its bodies have times, the recording has none; give --interval or --rate, or frames"
+            "its bodies have times, the recording has none; give `interval` or `rate`, or frames"
         )
     at = recording.times if "times" in body else np.arange(len(recording), dtype=float)
     assert at is not None
@@ -224,7 +225,7 @@ def _scale_of(recording: Recording) -> tuple[float, tuple[float, float]]:
     """Size of a pixel (m) and the origin (px) of a recording; ValueError where it has no scale."""
     pixel = pixel_of(recording.attrs)
     if pixel is None:
-        raise ValueError(f"{recording.name}: metres need its scale; give --scale-mm-per-px, or px")
+        raise ValueError(f"{recording.name}: metres need its scale; give `scale_mm_per_px`, or px")
     return pixel, (
         float(recording.attrs.get("origin_x_px", 0)),
         float(recording.attrs.get("origin_y_px", 0)),

@@ -30,7 +30,7 @@ def background(recording: Recording, kind: str = "min") -> ndarray:
     if len(recording) < 3:
         raise ValueError(
             f"{recording.name}: a background needs at least 3 frames, this has {len(recording)}; "
-            "give --preprocess none, or the other steps only"
+            "give `preprocess = none`, or the other steps only"
         )
     count = min(_BACKGROUND_FRAMES, len(recording))
     chosen = np.unique(np.linspace(0, len(recording) - 1, count).astype(int))

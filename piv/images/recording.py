@@ -19,9 +19,9 @@ class UnreadableFrame(ValueError):
 class Recording:
     """Frames of equal size, read one by one.
 
-    `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8 or uint16, row 0 at the top;
-    `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where they are not
-    known, to be set then; `rec.attrs`: what is known of `bits` and of
+    `len(rec)`; `rec.shape` (rows, columns); `rec.frame(i)`: 2-D uint8, uint16 or float32, row 0 at
+    the top; `rec.mask(i)`: 2-D bool, True = body, or None; `rec.times`: (n,) s, or None where they
+    are not known, to be set then; `rec.attrs`: what is known of `bits` and of
     `piv.formats.recording.CAMERA`. A context manager. Frames raise ValueError where they cannot
     be read.
     """
@@ -73,7 +73,8 @@ class Recording:
             )
         if self._shape is None:
             self._shape = (image.shape[0], image.shape[1])
-            self.attrs.setdefault("bits", 8 * image.dtype.itemsize)
+            if image.dtype.kind == "u":
+                self.attrs.setdefault("bits", 8 * image.dtype.itemsize)
         elif image.shape != self._shape:
             raise ValueError(
                 f"{self.frame_name(i)}: {image.shape[1]}x{image.shape[0]} px, but the recording "

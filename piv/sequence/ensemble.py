@@ -1,6 +1,6 @@
 """Ensemble correlation: one mean field from the summed correlations of many pairs."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 from operator import iadd
 from typing import Any, Unpack
@@ -17,12 +17,16 @@ from piv.correlation.passes import reseed, run_passes
 from piv.correlation.prefilter import Powers
 from piv.correlation.uncertainty import errors_of
 
-Images = tuple[Any, Any, Any]  # images and mask, as of correlate_pair
+Images = tuple[Any, ...]  # two images, and perhaps a mask, as of correlate_pair
 
 
 @with_options
 def correlate_ensemble(
-    load: Callable[[int], Images], count: int, *, quiet: bool = True, **options: Unpack[OptionWords]
+    pairs: Sequence[Images] | Callable[[int], Images],
+    count: int | None = None,
+    *,
+    quiet: bool = True,
+    **options: Unpack[OptionWords],
 ) -> xr.Dataset:
     """Mean displacement of `count` pairs in px: correlations are summed before peaks are sought.
 
@@ -30,8 +34,12 @@ def correlate_ensemble(
     Other arguments and the result: as of `correlate_pair`. For repeated flows, or a steady one with
     too few particles for one pair (Meinhart et al. 2000).
     """
-    if count < 1:
-        raise ValueError("an ensemble needs at least one pair")
+    if callable(pairs):
+        load = pairs
+    else:
+        load, count = pairs.__getitem__, len(pairs)
+    if not count or count < 1:
+        raise ValueError("an ensemble needs at least one pair, and their `count` if it loads them")
     settings = Options(**options)
     images = _Ensemble(load, count, settings, quiet)
     half, nodes, keep = nodes_of(images.shape, settings)
@@ -53,7 +61,7 @@ class _Ensemble:
         self.bar = tqdm(total=total, unit="pair", desc="ensemble", disable=silent)
 
     def _pair(self, i: int) -> Pair:
-        a, b, mask = self.load(i)
+        a, b, mask = (*self.load(i), None)[:3]
         return Pair([a, b], mask, self.options)
 
     def _each(self) -> Iterable[Pair]:

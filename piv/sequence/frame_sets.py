@@ -45,9 +45,9 @@ class SequenceOptions:
                 f"frames must be 2, or odd for the multi-frame mode, got {self.frames}"
             )
         if self.frames == 2 and not self.shake:
-            raise ValueError("shake = false is of the multi-frame mode; give frames = 3 or more")
+            raise ValueError("`shake = False` is of the multi-frame mode; give 3 `frames` or more")
         if self.ensemble and self.frames != 2:
-            raise ValueError("the ensemble is of pairs; leave out --frames")
+            raise ValueError("the ensemble is of pairs; leave out `frames`")
         if not isinstance(self.preprocess, str):
             raise ValueError(
                 "preprocess must be one text of steps with commas, such as "
@@ -81,7 +81,7 @@ def frame_sets(count: int, options: SequenceOptions) -> list[tuple[int, ...]]:
         ]
     if count < options.frames:
         raise ValueError(
-            f"{count} frames are too few for sets of {options.frames}; give a smaller --frames"
+            f"{count} frames are too few for sets of {options.frames}; give fewer `frames`"
         )
     return [
         tuple(range(i, i + options.frames))

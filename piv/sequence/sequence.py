@@ -19,6 +19,7 @@ from piv.correlation.nodes import vector_axes
 from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.correlation.pair_images import BlankImage, check_images
+from piv.files.errors import warn
 from piv.formats.plane_series import (
     AXES,
     NO_PICTURE,
@@ -75,7 +76,7 @@ def correlate_recording(
     lost = _absent_fields(recording, sets, here, sequence)
     if chunk and part:
         if sequence.ensemble:
-            raise ValueError("an ensemble is one field: leave out --chunk or --ensemble")
+            raise ValueError("an ensemble is one field: leave out `chunk` or `ensemble`")
         sets = sets[here]
         output = chunk_path(output, *chunk)
     if sequence.ensemble:
@@ -163,31 +164,27 @@ def correlate_recording(
         cv2.setNumThreads(threads_before)
         writer.close()
         if sequence.pairing == PAIRINGS[0] and (apart := alternating(shares)):
-            print(
+            warn(
                 f"{output}: the shares of usable vectors alternate from field to field, "
                 f"{apart[0]:.0%} and {apart[1]:.0%} in the median: are these pairs? "
-                f"Then give --pairing {PAIRINGS[1]}",
-                file=sys.stderr,
+                f"Then give `pairing = {PAIRINGS[1]}`"
             )
         for way, number in retried.most_common():
-            print(
+            warn(
                 f"{output}: {number} of {len(sets)} fields were correlated another way, which "
-                f"explains more of their pictures: {way}",
-                file=sys.stderr,
+                f"explains more of their pictures: {way}"
             )
         if blank:
-            print(
+            warn(
                 f"{output}: {blank} fields are absent: a frame of theirs is of one grey level "
-                "where it is not masked",
-                file=sys.stderr,
+                "where it is not masked"
             )
         if shake_unknown:
-            print(
+            warn(
                 f"{output}: the camera's shake could not be measured in {shake_unknown} of "
                 f"{len(sets)} fields, which use their frames as recorded: it needs "
                 f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; "
-                "--no-shake (shake = false) does not look for it",
-                file=sys.stderr,
+                "`shake = False` does not look for it"
             )
 
 
@@ -214,19 +211,15 @@ def _absent_fields(
     some = [fault.why for fault in faults.values()][:_NAMED]
     more = f"\n... and {len(faults) - len(some)} more frames" if len(faults) > len(some) else ""
     repeated = any(fault.flag == REPEATED for fault in faults.values())
-    way = "; --keep-doubles takes a repeated picture for one of its own" if repeated else ""
+    way = "; `keep_doubles` takes a repeated picture for one of its own" if repeated else ""
     if len(flags) == len(sets):
         raise ValueError(
             f"{recording.name}: no field has whole frames of its own ({some[0]}); give each "
             f"picture once{way}"
         )
     count = len(sets[part])
-    print(
-        "\n".join(some) + more,
-        f"{recording.name}: fields with such frames are absent, {len(flags)} of {count}{way}",
-        sep="\n",
-        file=sys.stderr,
-    )
+    text = f"{recording.name}: fields with such frames are absent, {len(flags)} of {count}{way}"
+    warn("\n".join(some) + f"{more}\n{text}")
     return flags
 
 

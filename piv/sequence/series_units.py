@@ -37,7 +37,7 @@ class SeriesUnits:
             if not (interval > 0).all():
                 raise ValueError(
                     f"{recording.name}: the frames' times do not ascend; "
-                    "give --interval or --rate in their place"
+                    "give `interval` or `rate` in their place"
                 )
         units = {"x": "m", "y": "m", "time": "frame" if times is None else "s", "u": "m/s"}
         if scale is None or interval is None:

@@ -14,8 +14,7 @@ from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.lines import along_line
 from piv.fields.summary import summary
-from piv.foreign.write import circulation_unit, units_of
-from piv.formats.plane_series import fields_of, usable
+from piv.formats.plane_series import circulation_unit, fields_of, units_of, usable
 from piv.images.calibration import Calibration, calibrate_plane
 from piv.images.clock import interval_of
 from piv.images.masks import inside_polygon, polygons_mask
@@ -174,9 +173,9 @@ def inside(plane: xr.Dataset, polygon: list[list[float]]) -> dict[str, Any]:
 def profile(plane: xr.Dataset, line: list[list[float]]) -> dict[str, Any]:
     """Velocity along and across a line (to its left) over the distance from its start."""
     (x0, y0), (x1, y1) = line
-    table = next(iter(along_line(plane, (x0, y0), (x1, y1))))
+    found = along_line(plane, (x0, y0), (x1, y1))
     names = ("s", "along", "across", "vorticity")
-    return {n: [None if np.isnan(v) else float(v) for v in table[n]] for n in names}
+    return {n: [None if np.isnan(v) else float(v) for v in found[n].values] for n in names}
 
 
 def tried(

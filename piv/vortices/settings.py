@@ -23,7 +23,7 @@ class VortexSettings:
     least_part: Annotated[float, "least vorticity within a vortex, as a part of its largest"] = 0.1
     max_elongation: Annotated[float, "longest region, length over width"] = 4.0
     min_circulation: Annotated[
-        float | None, "least |circulation|; None = --min-part of the plane's strongest"
+        float | None, "least |circulation|; None = min_part of the plane's strongest"
     ] = None
     min_part: Annotated[float, "least |circulation| as a part of the plane's strongest"] = 0.1
     significance: Annotated[float, "least |circulation| over its standard uncertainty"] = 2.0

@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from piv.files.errors import StageError
-from piv.foreign.read import read_own
-from piv.formats.plane_series import MASKED, usable
+from piv.formats.plane_series import MASKED, read_plane, usable
 from piv.images.calibration import Calibration, calibrate_plane, load_calibration, rectify_image
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
@@ -94,7 +93,7 @@ def lab_vectors(dpiv: Dpiv) -> xr.Dataset:
     """A plane series in stated metres, y up, times from the first instant."""
     sources = dpiv.sources()
     path = Path(sources if isinstance(sources, str) else ", ".join(sources))
-    plane = read_own(path) if path.is_file() else None
+    plane = read_plane(path) if path.suffix == ".h5" and path.is_file() else None
     if plane is None:
         why = "is no series of vectors" if path.exists() else "is missing (vectors are one file)"
         raise StageError(

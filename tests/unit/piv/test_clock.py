@@ -108,7 +108,7 @@ def test_the_clock_of_frames():
     assert frame_times(frames, COUPLES, 0.002, None) is None
     for wrong in ((NEIGHBOURS, 0.002, 400), (COUPLES, 0.2, 10), (COUPLES, None, 10),
                   (COUPLES, -1, None)):  # fmt: skip
-        with pytest.raises(ValueError, match=r"--interval|--rate"):
+        with pytest.raises(ValueError, match=r"`interval`|`rate`"):
             frame_times(frames, *wrong)
 
 

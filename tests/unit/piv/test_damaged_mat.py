@@ -45,9 +45,9 @@ def put(tmp_path):
 def test_a_sound_session_is_read(put):
     cell = matrix(matrix(numbers()), name=b"x", kind=CELL, shape=(1, 1))
     for x in (matrix(numbers(), name=b"x"), cell):
-        ((vectors, units),) = instants(put(x=x))
+        ((vectors, stated),) = instants(put(x=x))
         assert vectors[0].tolist() == [[0, 2, 4], [1, 3, 5]]
-        assert units == ""
+        assert stated == {}
 
 
 @pytest.mark.parametrize("data", [0, 8, 10, 11, 14, 15, 19, 20, 1000, 65535])

@@ -76,7 +76,7 @@ def test_pictures_that_lost_detail_are_told_before_the_work(folder, tmp_path, ca
         calls.append(capsys.readouterr().err)
         return correlate_recording(part, *args, **options)
 
-    monkeypatch.setattr("piv.commands.correlate.correlate_recording", correlated)
+    monkeypatch.setattr("piv.sequence.correlate.correlate_recording", correlated)
     output = ["-o", str(tmp_path / "out.h5"), "--quiet"]
     assert piv("correlate", *given, *output) == 0
     tifs = [str(folder / f"f{k}.tif") for k in (0, 1)]

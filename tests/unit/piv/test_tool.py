@@ -34,39 +34,17 @@ def series(tmp_path):
     return tmp_path / "a.h5"
 
 
-@pytest.mark.parametrize("suffix", [".nc", ".txt"])
-def test_px_and_frames_come_back(tmp_path, suffix):
-    plane = series_px()
-    files = write_vectors(plane, tmp_path / f"a{suffix}")
-    back = read_vectors(files)
-    units = [back[n].attrs["units"] for n in ("x", "y", "u", "v", "time")]
-    assert units == ["px"] * 4 + ["frame"]
-    for name in ("x", "y", "u", "v"):
-        np.testing.assert_allclose(back[name], plane[name], rtol=1e-6, atol=1e-5)
-    np.testing.assert_array_equal(back["valid"], plane["valid"])
-
-
-@pytest.mark.parametrize("suffix", [".h5", ".nc"])
-def test_pictures_and_vortices_of_every_own_format(tmp_path, suffix, capsys):
-    write_vectors(series_px(), tmp_path / f"a{suffix}")
-    source = str(tmp_path / f"a{suffix}")
+def test_pictures_and_vortices(series, tmp_path, capsys):
+    source = str(series)
     assert piv("plot", source, "-o", tmp_path / "a.png") == 0
     told = capsys.readouterr().out
     assert "0.5 frame, vorticity " in told
     assert " 1/frame; 1 field of 40 x 30 vectors, 99.8% valid; displacement median" in told
-    assert piv("animate", source, "-o", tmp_path / ("a.mp4" if suffix == ".h5" else "a.gif")) == 0
+    assert piv("animate", source, "-o", tmp_path / "a.mp4") == 0
     assert piv("vortices", source, "-o", tmp_path / "v.csv") == 0
     told = capsys.readouterr().out
     assert "3 vortices in 1 track; the strongest has a circulation of 600 ± " in told
     assert "px²/frame in all, by a Lamb-Oseen fit" in told
-
-
-def test_a_single_export_is_drawn_as_it_is(tmp_path):
-    for suffix in (".dat", ".txt"):
-        write_vectors(series_px().isel(time=0, drop=True), tmp_path / f"a{suffix}")
-        with open_vectors(tmp_path / f"a{suffix}") as plane:
-            assert plane["u"].attrs["units"] == "px"
-        made("plot", tmp_path / f"a{suffix}", "-o", tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("falling", [False, True])
@@ -81,7 +59,7 @@ def test_files_of_pivpy(tmp_path, falling):
     # pivpy calls whatever it reads "pix": that states nothing
     told = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "up"}
     for name in told:
-        with pytest.raises(ValueError, match=f"--{name.replace('_', '-')}"):
+        with pytest.raises(ValueError, match=f"`{name}`"):
             read_vectors([tmp_path / "a.nc"], **{n: v for n, v in told.items() if n != name})
     back = read_vectors([tmp_path / "a.nc"], **told)
     np.testing.assert_allclose(back["u"], plane["u"])

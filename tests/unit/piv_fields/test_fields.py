@@ -149,16 +149,16 @@ def test_propagated_uncertainty_is_the_scatter_of_many_noisy_fields(correlated):
 
 def test_along_a_line():
     plane = make_plane(X, Y, 2 * XX + YY, XX * 0 + 1.0)
-    rows = next(along_line(plane, (0.002, 0.001), (0.008, 0.009), 5))
+    rows = along_line(plane, (0.002, 0.001), (0.008, 0.009), 5)
     np.testing.assert_allclose(rows["s"], np.linspace(0, 0.01, 5))
     np.testing.assert_allclose(rows["u"], 2 * rows["x"] + rows["y"], atol=1e-12)
     np.testing.assert_allclose(rows["along"], 0.6 * rows["u"] + 0.8 * rows["v"])
     np.testing.assert_allclose(rows["across"], 0.6 * rows["v"] - 0.8 * rows["u"])
     three = series(np.ones((3, *XX.shape)), np.ones((3, *XX.shape)))
-    assert len(list(along_line(three, (0, 0), (0.01, 0)))) == 3
+    assert along_line(three, (0, 0), (0.01, 0)).sizes["time"] == 3
     for end in ((0.002, 0.001), (1.0, 0.0)):
         with pytest.raises(ValueError, match="line"):
-            next(along_line(plane, (0.002, 0.001), end))
+            along_line(plane, (0.002, 0.001), end)
 
 
 @pytest.mark.parametrize("gaps", [0.0, 0.3])
@@ -227,7 +227,7 @@ def test_memory_does_not_grow_with_the_recording(long_file, tmp_path):
     for work in (
         statistics,
         lambda p: write_blocks(derived_blocks(p), tmp_path / "d.h5", p),
-        lambda p: [None for _ in along_line(p, (0.0, 0.0), (0.02, 0.01))],
+        lambda p: along_line(p, (0.0, 0.0), (0.02, 0.01)),
         lambda p: space_spectrum(p, "x"),
     ):
         # one variable of the added 100 instants would take 0.67; statistics add a level of batch

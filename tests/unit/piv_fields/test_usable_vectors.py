@@ -41,7 +41,7 @@ def unsure(sure):
 READERS = {
     "derived": lambda s: derived(s)["vorticity_std"],
     "statistics": lambda s: statistics(s)["n"],
-    "line": lambda s: next(along_line(s, (0.001, 0.02), (0.038, 0.02)))[["along", "u_std"]],
+    "line": lambda s: along_line(s, (0.001, 0.02), (0.038, 0.02))[["along", "u_std"]].to_array(),
     "time": lambda s: time_spectrum(s, [(CENTRE, CENTRE)])["averaged"],
     "space": lambda s: space_spectrum(s, "x"),
     "picture": lambda s: vorticity(s.isel(time=0)),

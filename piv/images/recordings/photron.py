@@ -1,4 +1,4 @@
-"""Recordings of Photron cameras: .cih or .cihx beside .mraw."""
+"""Recordings of Photron cameras: .cih or .cihx beside .mraw, a video or images."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,6 +22,9 @@ _CIHX = {
 }  # of the XML header, by the names of the older one
 
 
+_EXPORTS = {"tiff": "tif", "jpeg": "jpg"}  # endings of images, by the header's word
+
+
 class Photron(Recording):
     """A Photron recording, `.mraw` beside `.cihx` or `.cih`: 8, 12 (packed) or 16 bit."""
 
@@ -33,10 +36,8 @@ class Photron(Recording):
             count, self.bits = int(cih["Total Frame"]), int(cih["Color Bit"])
             rate = float(cih["Record Rate(fps)"])
             effective = int(cih.get("EffectiveBit Depth", self.bits))
-        except (KeyError, ValueError, ElementTree.ParseError) as error:
-            raise ValueError(
-                f"{header}: not a readable Photron header ({one_line(error)})"
-            ) from error
+        except (KeyError, ValueError) as error:
+            raise _unreadable(header, error) from error
         if cih.get("File Format", "MRaw").lower() != "mraw" or self.bits not in (8, 12, 16):
             raise ValueError(
                 f"{header}: {cih.get('File Format')} of {self.bits} bit; only MRaw of 8, 12 or 16 "
@@ -71,6 +72,35 @@ class Photron(Recording):
         return data.view(np.dtype("<u2") if self.bits == 16 else np.uint8).reshape(self._size)
 
 
+def exported(header: Path) -> list[Path]:
+    """The video, or the images, that a header was written with; empty where that is an .mraw."""
+    if header.suffix.lower() == ".mraw" or not header.is_file():
+        return []
+    kind = _read_header(header).get("File Format", "mraw").lower()
+    if kind == "mraw":
+        return []
+    return sorted(header.parent.glob(f"{header.stem}*.{_EXPORTS.get(kind, kind)}"))
+
+
+def set_rate(recording: Recording, path: Path) -> None:
+    """Give a recording the frame rate of the header `path`, or of one of its name beside it."""
+    headers = [path.with_suffix(suffix) for suffix in (".cihx", ".cih")]
+    header = next((h for h in headers if h.is_file()), None)
+    if header is None:
+        return
+    try:
+        rate = float(_read_header(header)["Record Rate(fps)"])
+    except (KeyError, ValueError) as error:
+        raise _unreadable(header, error) from error
+    if rate > 0:
+        recording.attrs["frame_rate_hz"] = rate
+        recording.times = np.arange(len(recording)) / rate
+
+
+def _unreadable(header: Path, error: Exception) -> ValueError:
+    return ValueError(f"{header}: not a readable Photron header ({one_line(error)})")
+
+
 def _read_header(path: Path) -> dict[str, str]:
     """The keys of a .cih; those of a .cihx by the names that the older format gives them."""
     text = read_regular(path).decode("utf-8", "replace")
@@ -78,7 +108,10 @@ def _read_header(path: Path) -> dict[str, str]:
         pairs = (line.split(" : ", 1) for line in text.splitlines())
         return {pair[0].strip(): pair[1].strip() for pair in pairs if len(pair) == 2}
     begin, end = text.find("<cih>"), text.rfind("</cih>")
-    tree = ElementTree.fromstring(text[begin : end + len("</cih>")] if begin >= 0 else text)
+    try:
+        tree = ElementTree.fromstring(text[begin : end + len("</cih>")] if begin >= 0 else text)
+    except ElementTree.ParseError as error:
+        raise _unreadable(path, error) from error
     found = {name: tree.findtext(place) for name, place in _CIHX.items()}
     return {name: value.strip() for name, value in found.items() if value is not None}
 

@@ -1,0 +1,1 @@
+"""Recordings by the program or camera that wrote them."""
