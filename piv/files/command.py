@@ -194,7 +194,9 @@ def command_line(
             chosen.error(f"unrecognized arguments: {' '.join(unknown)}{options}")
         _check_inputs(args)
         working()
-        FLAGS.update({a.dest: a.option_strings[-1] for a in chosen._actions if a.option_strings})
+        for option in chosen._actions:
+            flags = [flag for flag in option.option_strings if flag.startswith("--")]
+            FLAGS.update({option.dest: flag for flag in flags[:1]})
         with around(args):
             return module.run(args)
 

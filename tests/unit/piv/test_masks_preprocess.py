@@ -33,7 +33,7 @@ def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path)
     cv2.imwrite(str(tmp_path / "photo.png"), picture)
     with pytest.raises(ValueError, match=r"photo.png: masks 100\.0% of the picture"):
         read_mask(tmp_path / "photo.png", (40, 50))
-    words = "below grey level 900 masks the whole image; give a lower --threshold"
+    words = "below grey level 900 masks the whole image; give a lower `threshold`"
     with pytest.raises(ValueError, match=words):
         dark_body(picture, threshold=900)
     # a frame of dark round it: all is masked once the hole in it is filled
