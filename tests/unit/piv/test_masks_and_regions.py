@@ -93,7 +93,7 @@ def test_an_image_is_no_polygon(output, frames, tmp_path, capsys):
     cv2.imwrite(str(tmp_path / "m.png"), np.zeros(SHAPE, np.uint8))
     mask, out = str(tmp_path / "m.png"), tmp_path / output
     assert main(["mask", str(frames), "-o", str(out), "--polygon", mask, "--quiet"]) == 2
-    assert f"{mask}: expected two numbers a line" in capsys.readouterr().err
+    assert f"{mask}: is not UTF-8 text" in capsys.readouterr().err
     assert not out.exists()
 
 

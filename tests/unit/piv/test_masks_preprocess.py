@@ -50,7 +50,7 @@ def test_read_mask_refuses_other_sizes(tmp_path):
     with pytest.raises(ValueError, match="6x5 px"):
         read_mask(tmp_path / "m.png", (6, 6))
     (tmp_path / "p.csv").write_text("0,0\n5,x\n")
-    with pytest.raises(ValueError, match="two numbers a line, x and y in px"):
+    with pytest.raises(ValueError, match="x and y in px of at least 3 corners"):
         read_mask(tmp_path / "p.csv", (5, 6))
 
 
