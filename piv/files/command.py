@@ -196,7 +196,8 @@ def command_line(
         working()
         for option in chosen._actions:
             flags = [flag for flag in option.option_strings if flag.startswith("--")]
-            FLAGS.update({option.dest: flag for flag in flags[:1]})
+            if flags:
+                FLAGS[option.dest] = flags[0]
         with around(args):
             return module.run(args)
 
