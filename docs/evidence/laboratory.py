@@ -2,9 +2,8 @@
 
     python -m docs.evidence.laboratory [FIRST LAST] [--level draft] [--scene …] [--coupled]
 
-One row per seed goes to docs/record/laboratory_blind.csv. What is wrong follows from the seed
-alone: the scenarios of PLAN in turn. Without seeds the counts of the table are printed. Waters are
-runs of the level itself, so its own numerical error does not count here.
+One row per seed goes to docs/record/laboratory_blind.csv; without seeds its counts are printed.
+What is wrong follows from the seed: the scenarios of PLAN in turn. Waters are runs of the level.
 """
 
 from __future__ import annotations

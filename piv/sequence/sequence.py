@@ -81,54 +81,28 @@ def correlate_recording(
         output = chunk_path(output, *chunk)
     if sequence.ensemble:
         sets, lost = [frames for k, frames in enumerate(sets) if k not in lost], {}
-    clean = Preprocessor(sequence.steps, recording)
-    cleaned: dict[int, tuple[ndarray, Any]] = {}  # of the last set: most share some
-
-    def load(indices: tuple[int, ...]) -> tuple[list[ndarray], list[Any]]:
-        now = {
-            i: cleaned[i]
-            if i in cleaned
-            else (clean(recording.frame(i)), clean.mask(recording.mask(i)))
-            for i in indices
-        }
-        cleaned.clear()
-        cleaned.update(now)
-        return [image for image, _ in now.values()], [mask for _, mask in now.values()]
-
+    frames = _Frames(recording, Preprocessor(sequence.steps, recording))
     units = SeriesUnits.of(recording, sets)
     x, y = units.axes(*vector_axes(recording.shape, options.spacing))
-    stamp = recording.stamp
-    settings = {**asdict(options), **asdict(sequence), "preprocess": clean.steps}
-    for key in ("threads", "ensemble")[: 1 if sequence.ensemble else 2]:
-        del settings[key]
-    attrs = {"source": "piv", **provenance(**settings), **_carried(recording)}
-    if units.interval is not None and np.ptp(units.interval) <= 1e-6 * units.interval[0]:
-        attrs["interval"] = float(f"{np.mean(units.interval):.12g}")
-    identity = series_key([_seen(recording), settings, units.scale, units.origin, units.names])
-    if part is not None:
-        attrs["chunk"] = identity = json.dumps(
-            asdict(part) | {"identity": identity, "stamp": stamp}
-        )
-        if is_chunk(output, identity):
-            return Path(output)
+    settings = {**asdict(options), **asdict(sequence), "preprocess": frames.clean.steps}
+    attrs, identity = _attributes(recording, units, settings, part)
+    if part is not None and is_chunk(output, identity):
+        return Path(output)
     time = units.time
     if sequence.ensemble:
         if "interval" not in attrs and units.interval is not None:
             raise ValueError(f"{recording.name}: an ensemble needs pairs of equal intervals")
         time = time.mean(keepdims=True)
-    writer = SeriesWriter(output, x, y, time, units.names, attrs, [identity, stamp])
+    writer = SeriesWriter(output, x, y, time, units.names, attrs, [identity, recording.stamp])
     threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
     shake_unknown = blank = 0
     shares: dict[int, float] = {}
     retried: Counter[str] = Counter()
     try:
         if sequence.ensemble:
-
-            def pair(i: int) -> tuple[Any, Any, Any]:
-                (a, b), masks = load(sets[i])
-                return a, b, masks
-
-            plane = correlate_ensemble(pair, len(sets), quiet=quiet, **asdict(options))
+            plane = correlate_ensemble(
+                lambda i: frames.pair(sets[i]), len(sets), quiet=quiet, **asdict(options)
+            )
             writer.write(0, units.fields(plane, 0))
             return writer.finish()
         cv2.setNumThreads(1)  # fields are the unit of parallel work
@@ -136,14 +110,9 @@ def correlate_recording(
         for k in sorted(lost.keys() - writer.done):
             writer.write(k, absent_field((y.size, x.size), lost[k]))
         missing = [k for k in range(len(sets)) if k not in writer.done and k not in lost]
-        bar = tqdm(
-            total=len(sets),
-            initial=len(sets) - len(missing),
-            unit="field",
-            desc="correlate",
-            disable=quiet or None,
-        )
-        for k, plane in _in_parallel(missing, sets, load, options, sequence):
+        bar = tqdm(total=len(sets), initial=len(sets) - len(missing), unit="field",
+                   desc="correlate", disable=quiet or None)  # fmt: skip
+        for k, plane in _in_parallel(missing, sets, frames.of, options, sequence):
             writer.write(k, units.fields(plane, k))
             if absent(plane):
                 blank += 1
@@ -186,6 +155,44 @@ def correlate_recording(
                 f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; "
                 "`shake = False` does not look for it"
             )
+
+
+class _Frames:
+    """Frames and masks of a recording, pre-processed; those of the last set are kept."""
+
+    def __init__(self, recording: Recording, clean: Preprocessor) -> None:
+        self.clean, self._recording = clean, recording
+        self._last: dict[int, tuple[ndarray, Any]] = {}  # most sets share some
+
+    def of(self, indices: tuple[int, ...]) -> tuple[list[ndarray], list[Any]]:
+        """Read the images and the masks of a set."""
+        self._last = {i: self._last.get(i) or self._read(i) for i in indices}
+        images, masks = zip(*self._last.values(), strict=True)
+        return list(images), list(masks)
+
+    def pair(self, indices: tuple[int, ...]) -> tuple[ndarray, ndarray, list[Any]]:
+        """Read a pair, as the ensemble takes it."""
+        (a, b), masks = self.of(indices)
+        return a, b, masks
+
+    def _read(self, i: int) -> tuple[ndarray, Any]:
+        return self.clean(self._recording.frame(i)), self.clean.mask(self._recording.mask(i))
+
+
+def _attributes(
+    recording: Recording, units: SeriesUnits, settings: dict[str, Any], part: Chunk | None
+) -> tuple[dict[str, Any], str]:
+    """Root attributes of the series, and what identifies it when it is resumed."""
+    unused = ("threads",) if settings["ensemble"] else ("threads", "ensemble")
+    settings = {key: value for key, value in settings.items() if key not in unused}
+    attrs = {"source": "piv", **provenance(**settings), **_carried(recording)}
+    if units.interval is not None and np.ptp(units.interval) <= 1e-6 * units.interval[0]:
+        attrs["interval"] = float(f"{np.mean(units.interval):.12g}")
+    identity = series_key([_seen(recording), settings, units.scale, units.origin, units.names])
+    if part is not None:
+        about = asdict(part) | {"identity": identity, "stamp": recording.stamp}
+        attrs["chunk"] = identity = json.dumps(about)
+    return attrs, identity
 
 
 def _absent_fields(

@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from docs.evidence.faults.campaign import Campaign, disks, kills, twice
+from docs.evidence.faults.campaign import Campaign, kills, twice
+from docs.evidence.faults.files import disks
 from docs.evidence.stability.solver import result
 from piv.files.record import record_path
 from softfinger.make import Machine

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from docs.evidence.faults.campaign import COLUMNS, PARTS, TARGETS, Campaign, replaced
+from docs.evidence.faults.campaign import COLUMNS, TARGETS, Campaign
+from docs.evidence.faults.parts import PARTS, replaced
 from docs.evidence.stability import page
 from pipeline.runs.stages import STAGES
 from piv.files.command import guarded
