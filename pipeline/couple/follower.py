@@ -113,7 +113,7 @@ class Follower(KnownMotion):
         turn = run.bend(number)
         if run.inertia_turn is None or abs(turn - run.inertia_turn) > _STALE_TURN:
             history.inertia[number + 1 :], run.inertia_turn = self._inertia(number), turn
-        history.first_order = history.first_order or history.alternates(number)
+        history.choose_order(number)
         if number < run.last:
             run.advance(number)
         if self._start < number < self._end:

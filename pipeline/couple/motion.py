@@ -18,10 +18,23 @@ from pipeline.openfoam.displacement_files import steps_of
 from pipeline.scene.scene import Scene
 from pipeline.solve.interval import SolverInterval
 from pipeline.structure.coupling import Coupling
-from pipeline.structure.finger import ElasticFinger, Posed, copies
+from pipeline.structure.finger import ElasticFinger, Posed, copies, modelled_speed
 from piv.files.errors import StageError
 
 _CONTACT = 0.01  # N: the first force that is tried
+_CLOSED = 1e-9  # of the film: what is left of it where its force has no bound
+
+
+def _film_impulse(finger: ElasticFinger, end: float) -> float:
+    """Impulse (N s) by the film's strain: a third of the tip's momentum in modelled water.
+
+    As of an effective mass of half the finger and its water at the largest speed until `end` (s),
+    which a film then stops within e^-4 of its thickness.
+    """
+    chain = finger.chain
+    water = finger.water.fluid * finger.model.added_mass * np.pi / 4 * chain.width**2
+    mass = 0.5 * (chain.law.rubber_mass + water) * chain.arc[-1]
+    return mass * modelled_speed(finger, end) / 3
 
 
 class CoupledMotion:
@@ -35,6 +48,9 @@ class CoupledMotion:
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
         self.force = np.zeros(self.last + 1)  # of the contact, N
+        self._film = 0.0  # N s: the film's impulse by its strain (`_strain`)
+        if scene.pinch is not None:
+            self._film = _film_impulse(self.finger, scene.motion.end_time)
         self.quality: list[tuple] = []  # rows of MESH_QUALITY
         self.inertia_turn: float | None = None  # bend (rad) in which the water's inertia is known
         start = self.finger.shapes(
@@ -59,38 +75,43 @@ class CoupledMotion:
         at = slice(number, number + 1)
         return float(self.finger.chain.bend(pressure[at], delta[at])[0])
 
-    @property
-    def contact(self) -> float | None:
-        """Time (s) of the first contact; None without one."""
-        touched = self.history.touched
-        return None if touched is None else self.step * touched
+    def _strain(self, number: int) -> float:
+        """The film's logarithmic strain at the end of a step: 0 where it is as thick or thicker."""
+        pinch = self.scene.pinch
+        assert pinch is not None
+        left = float(gap(self.outline(*self.state(number)), pinch)) - pinch.residual_gap
+        share = min(max(left / pinch.slowing_distance, _CLOSED), 1.0)
+        return share - 1 - float(np.log(share))
 
     def advance(self, number: int) -> None:
-        """The rotations of the step after `number`, and the contact that they need.
+        """The rotations of the step after `number`, and the force of the contact then.
 
-        A contact is a force without friction that is as large as it takes to keep the residual gap.
+        A viscous film of the thickness `pinch.slowing_distance` on what the tip touches, outside of
+        the residual gap, resists being squeezed. Its damping grows from nothing at its surface
+        without bound towards the residual gap. It never pulls, and it only dissipates.
         """
-        later, pinch, history = number + 1, self.scene.pinch, self.history
+        later, history = number + 1, self.history
         push = np.zeros_like(history.contact[later])
+        before = self._strain(number) if self._film else 0.0
 
-        def short(force: float) -> float:
-            """By how much (m) the gap is too small."""
-            assert pinch is not None
+        def missing(force: float) -> float:
+            """By how much (N) a force is smaller than that of the film."""
             history.contact[later] = force * push
             history.delta[later] = history.next_delta(number)
             self.force[later] = force
-            return pinch.residual_gap - float(gap(self.outline(*self.state(later)), pinch))
+            return self._film * (self._strain(later) - before) / self.step - force
 
-        if pinch is None:
+        if not self._film:
             history.delta[later] = history.next_delta(number)
-        elif short(0.0) > 0:
-            place, away = nearest(self.outline(*self.state(later)), pinch)
+        elif missing(0.0) > 0:
+            assert self.scene.pinch is not None
+            place, away = nearest(self.outline(*self.state(later)), self.scene.pinch)
             posed = Posed(self.finger, *self.state(later))
             push = posed.of_forces(place[None], away[None])[1:]
             most = max(self.force[number], _CONTACT)
-            while short(most) > 0:
+            while missing(most) > 0:
                 most *= 4
-            short(brentq(short, 0.0, most, xtol=_CONTACT * 1e-3, rtol=1e-9))
+            missing(brentq(missing, 0.0, most, xtol=_CONTACT * 1e-3, rtol=1e-9))
 
     def write(self, parts: Sequence[SolverInterval]) -> None:
         """Check the motion and write it and its meshes to scene.motion_folder. StageError."""
@@ -125,6 +146,6 @@ class CoupledMotion:
                 "tip_change": result.tip,
                 "open_energy": result.open_energy,
                 "moment_share": result.moment,
-                "first_order": int(h.first_order),
+                "first_order": len(h.first_order) * self.step,
             },
         )

@@ -25,4 +25,4 @@ def run(
         follower = partial(Follower, motion, [part.span for part in parts])
         spent = solve_intervals(scene, parts, follower, hosts, quiet)
         motion.write(parts)
-        return write_results(scene, parts, spent, quiet, motion.contact)
+        return write_results(scene, parts, spent, quiet)

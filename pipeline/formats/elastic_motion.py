@@ -12,12 +12,13 @@ SCHEMA = Schema(
 time  time  s  time steps of the run
 pressure  time  Pa  in the chambers
 delta  time, slice  rad  elastic turn of each slice against the shape without load
-contact_force  time  N  on the whole finger, away from what its tip touches
+contact_force  time  N  of the film on the whole finger, away from what its tip touches
 tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
-open_energy  -  1  work and energy that do not match, over the pressure's work, until a contact
+open_energy  -  1  work and energy that do not match, over the pressure's work
 moment_share  -  1  largest moment on a joint over that of the table in states.h5
-first_order  -  1  1: the loads were continued to first order, since a mode alternated
+first_order  -  s  time for which the loads were continued to first order, since a mode alternated
 """),
+    version=2,
 )
 
 read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write

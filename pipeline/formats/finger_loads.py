@@ -38,10 +38,11 @@ unknown  -  -  why the motion in water is not known, as a sentence; empty where 
 tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
 open_energy?  -  1  coupled: work and energy that do not match, over the pressure's work
 moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
-contact_force?  -  N  coupled: median force on a whole finger while its tip touches; else 0
-first_order?  -  1  coupled: 1: the loads were continued to first order
+contact_force?  -  N  coupled: largest force of the film on a whole finger; 0: it touches nothing
+contact_impulse?  -  N s  coupled: impulse of the film on a whole finger
+first_order?  -  s  coupled: time for which the loads were continued to first order
 """),
-    version=2,
+    version=3,
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
@@ -68,12 +69,12 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
     if values["unknown"] and not values["coupled"]:
         return str(values["unknown"])
     if values["coupled"]:
-        order = ", continued to first order," if values["first_order"] else ""
+        late = values["first_order"]
+        order = f", continued to first order for {late:.2g} s," if late else ""
         return (
             "Pressure and water make the finger's motion together. Computed again under the loads"
             f" of the run{order} its tip moves by {values['tip_change'] * 1e3:.2g} mm, and"
-            f" {100 * values['open_energy']:.1f} % of the pressure's work is unexplained"
-            + (" until the contact." if values["contact_force"] > 0 else ".")
+            f" {100 * values['open_energy']:.1f} % of the pressure's work is unexplained."
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"
                 " bending was analysed."
@@ -81,7 +82,9 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
                 else ""
             )
             + (
-                f" While the tips touch, {values['contact_force']:.2g} N push each finger (median)."
+                " A viscous film stops the tip without rebound. It pushes each finger with at"
+                f" most {values['contact_force']:.2g} N, and with"
+                f" {values['contact_impulse']:.2g} N s in all."
                 if values["contact_force"] > 0
                 else ""
             )

@@ -149,7 +149,7 @@ COUPLED = {
         ),
         replace(BY_NAME["case"], version=4),
         # 1.1 to 1.5 in docs/coupling.md
-        replace(BY_NAME["solve"], module="pipeline.couple.stage", slower=1.4),
+        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2, slower=1.4),
         *(
             replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
             for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}

@@ -28,6 +28,9 @@ _FLOOR = 1e-3
 HALVE = "halve numerics.time_step, and again where it stops again"
 # of the power that is exchanged; the shipped scenes have at most 0.01
 _UNEXPLAINED, _UNEXPLAINED_LIMIT = 0.05, 0.15
+# Error of peak force and impulse by the square of `force_change`: 20 % at 0.36, 2 % at 0.14. And
+# the largest error without a warning. Measured: docs/stability/drawn.csv
+_ERROR_OF_CHANGE, _WRONG = 1.5, 0.08
 # of the peak speed: a wall whose velocity changes by more in a time step does unsampled work
 _UNRESOLVED = 0.2
 # Courant number of a run over that of its wall along a cell: the flow round the tip is faster, its
@@ -186,6 +189,28 @@ def power_warning(share: float, budgets: list[Budget], time_step: float) -> str:
     if share > _UNEXPLAINED_LIMIT and not jumps:
         raise StageError(f"stopped by a guard: {text}; the tables are kept")
     return text
+
+
+def force_change(force: ndarray) -> float:
+    """Change of a force (step, axis) from step to step over the force, both RMS.
+
+    Of an oscillation its phase over a step, rad: the error of the time scheme goes with its square.
+    """
+    size = float((force**2).sum())
+    return float(np.sqrt((np.diff(force, axis=0) ** 2).sum() / size)) if size else 0.0
+
+
+def step_warning(force: ndarray, time_step: float) -> str:
+    """Return a warning where `time_step` (s) does not resolve a force (step, axis), else ""."""
+    change = force_change(force)
+    error = _ERROR_OF_CHANGE * change**2
+    if error <= _WRONG:
+        return ""
+    return (
+        f"the force changes by {100 * change:.0f} % of itself in a time step, so that peak force"
+        f" and impulse may be {100 * min(error, 1.0):.0f} % wrong; lower numerics.time_step ="
+        f" {time_step:g} to {time_step * np.sqrt(0.02 / error):.1g}"
+    )
 
 
 class Guard:

@@ -17,7 +17,7 @@ from pipeline.openfoam.function_objects import read_function_object
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import LOG
-from pipeline.solve.guards import energy_from_nothing, power_warning
+from pipeline.solve.guards import energy_from_nothing, power_warning, step_warning
 from pipeline.solve.interval import SolverInterval
 from pipeline.solve.power import power_balance, power_rows, term_rows
 from pipeline.solve.solver import Progress
@@ -81,17 +81,13 @@ def _joined(parts: Sequence[SolverInterval], tables: list[ndarray]) -> ndarray:
 
 
 def write_results(
-    scene: Scene,
-    parts: Sequence[SolverInterval],
-    spent: Sequence[Progress],
-    quiet: bool,
-    contact: float | None = None,
+    scene: Scene, parts: Sequence[SolverInterval], spent: Sequence[Progress], quiet: bool
 ) -> dict[str, float]:
     """Write the tables of run/ and, last, run.json; returns the cost of interrupted runs.
 
-    `spent`: progress of each interval, before and now; `contact` as of `_tables`.
+    `spent`: progress of each interval, before and now.
     """
-    summary = _tables(scene, parts, contact)
+    summary = _tables(scene, parts)
     balance = summary["power_balance"]
     wall_time = round(sum(float(now["wall_time"]) for _, now in spent), 2)
     resumed = [at for _, now in spent for at in now["resumed"]]
@@ -119,11 +115,10 @@ def write_results(
     return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}
 
 
-def _tables(scene: Scene, parts: Sequence[SolverInterval], contact: float | None) -> dict[str, Any]:
+def _tables(scene: Scene, parts: Sequence[SolverInterval]) -> dict[str, Any]:
     """Write the tables of run/, all intervals joined; returns their summary.
 
-    The summary's power balance ends before the first `contact` (s), since an impact is shorter than
-    what the tables resolve. StageError where the whole run has energy from nothing.
+    StageError where the whole run has energy from nothing.
     """
     folder, fluid, planform = scene.out / "run", scene.fluid, parts[0].mesh.planform
     per_finger = PER_FINGER[scene.model.kind]
@@ -148,18 +143,18 @@ def _tables(scene: Scene, parts: Sequence[SolverInterval], contact: float | None
     written = POWER.read(folder / "power.csv").to_numpy()
     budgets = [part.guard.energy.budget for part in parts if part.guard.energy]
     excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies)}
-    until, known = None, [energy, terms]
-    if contact is not None:
-        until = float(terms[:, 0][terms[:, 0] < contact].max(initial=terms[0, 0]))
-        known = [table[table[:, 0] <= until] for table in known]
-    balance = power_balance(*known)
-    warning = power_warning(balance["unexplained_share"], budgets, scene.numerics.time_step)
+    balance = power_balance(energy, terms)
+    force, step = FORCES.read(folder / "forces.csv")[["fx", "fy"]], scene.numerics.time_step
+    warnings = [
+        power_warning(balance["unexplained_share"], budgets, step),
+        step_warning(force.to_numpy(), step),
+    ]
     return {
         "cells": parts[0].mesh.cells,
         "courant_max": float(np.nanmax(log[:, 2])),
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": quality,
-        "power_balance": balance | excess | {"until": until, "warning": warning},
+        "power_balance": balance | excess | {"warning": "; ".join(filter(None, warnings))},
         "intervals": [
             {
                 "start": i.start,

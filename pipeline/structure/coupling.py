@@ -33,7 +33,9 @@ from pipeline.structure.motion import (
 _PARABOLA = np.array([2.375, -1.125, -0.875, 0.625])
 _MEAN = np.array([0.5, 0.5, 0.0, 0.0])
 _SIGNS = 8  # changes of sign in a row that show an alternating mode
-_LARGE = 0.2  # of the largest load until then: smaller ones are the pressure solver's
+# of the root's moment by the water's inertia, where the mode counts and where it has ceased; what
+# the pressure solver leaves at the start is a thousandth
+_LARGE, _SMALL = 0.2, 0.02
 TIP_TOLERANCE = 0.005  # of the length: largest change of the tip by one evaluation
 ENERGY_TOLERANCE = 0.02  # of the pressure's work that is left open
 
@@ -43,7 +45,7 @@ class Check:
     """One evaluation of the fixed point: the motion under the loads of a run."""
 
     tip: float  # m, by which it moves the tip at most
-    open_energy: float  # over the pressure's work, until the first contact
+    open_energy: float  # over the pressure's work
     moment: float = 0.0  # the largest on a joint, over that of the bending law's table
 
     def fault(self, length: float) -> str:
@@ -64,7 +66,7 @@ class Coupling:
     (time, slice, 3): N along and across each slice, and N m; `rest`: of the water's loads without
     those of the `inertia` (time, slice, 3, slice + 1), by which the step to that time was made: as
     Surroundings', and last by the pressure's second derivative at fixed headings, N s²/Pa and
-    N m s²/Pa. `first_order`: whether the rest is continued as its mean.
+    N m s²/Pa. `first_order`: steps from whose end on the rest was continued as its mean.
     """
 
     def __init__(
@@ -78,7 +80,16 @@ class Coupling:
         self.delta = np.zeros(self.loads.shape[:2])
         self.delta[0] = at_rest(chain, float(pressure[0]), water, self.loads[0])
         self.inertia = np.zeros((*self.loads.shape, chain.slices + 1))
-        self.first_order = False
+        self.first_order: list[int] = []
+        # (time, slice + 1): angular accelerations, and the pressure's second derivative
+        every = [past(number) for number in range(len(pressure))]
+        still = np.zeros((len(every[0]), chain.slices))
+        self._unloaded_rates = np.array(
+            [
+                np.append(turning(self.unloaded, times, still, step), felt(pressure[times], step))
+                for times in every
+            ]
+        )
 
     def _by_pressure(self, number: int) -> FloatArray:
         """Loads (slice, 3) of the walls' acceleration at fixed headings."""
@@ -105,26 +116,38 @@ class Coupling:
 
         The contact is that of the next time.
         """
-        weights = _MEAN if self.first_order else _PARABOLA
+        weights = _MEAN if number in self.first_order else _PARABOLA
         before = np.maximum(number - np.arange(len(weights)), 0)
         return self._moved(number + 1, np.tensordot(weights, self.rest[before], 1), self.delta)
 
-    def alternates(self, number: int) -> bool:
-        """Whether the rest of the loads changes its sign from step to step, and grows."""
-        if number < _SIGNS + 4:
-            return False
+    def choose_order(self, number: int) -> None:
+        """Continue the rest as its mean while it changes its sign from step to step, and grows.
+
+        It counts above a share of what the water's inertia loads in the motion by the pressure
+        alone. An inertia that is far from the water's causes it: once the mode has ceased and the
+        inertia is learnt anew, the rest is a parabola again.
+        """
+        if not _SIGNS + 4 <= number < len(self.rest) - 1:
+            return
         arm = self.chain.arc[self.chain.joints[:-1]]
         bent = np.diff(self.rest[number - _SIGNS - 1 : number + 1, :, 1] @ arm, 2)
         half = len(bent) // 2
         until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
-        most = np.abs(self.loads[: number + 1, :, 1] @ arm).max()
-        return bool((bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * most))
+        large = self._inertial_moment(number)
+        grows = (bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * large)
+        anew = not np.array_equal(self.inertia[number], self.inertia[number + 1])
+        ceased = anew and max(until, since) < _SMALL * large
+        if grows or (number - 1 in self.first_order and not ceased):
+            self.first_order.append(number)
 
-    @property
-    def touched(self) -> int | None:
-        """Number of the first time with a contact; None without one."""
-        times = np.flatnonzero(self.contact.any(axis=(1, 2)))
-        return int(times[0]) if times.size else None
+    def _inertial_moment(self, number: int) -> float:
+        """Largest moment (N m) about the root of the water's inertia, in the unloaded motion.
+
+        With the inertia as it is known at time `number`.
+        """
+        arm = self.chain.arc[self.chain.joints[:-1]]
+        by_turning = arm @ self.inertia[number, :, 1]
+        return float(np.abs(self._unloaded_rates @ by_turning).max())
 
     def check(self) -> Check:
         """What the loads make of the whole motion, by one inertia: it leaves no trace in it."""
@@ -136,10 +159,7 @@ class Coupling:
             once.take(number, self.loads[number])
             after[number] = once._moved(number, once.rest[number], after)
         change = chain.profile(pressure, after) - chain.profile(pressure, delta)
-        # an impact takes energy within a step, in which it is not resolved
-        free = slice(0, self.touched)
-        parts = energies(
-            chain, pressure[free], delta[free], self.step, self.water, self.loads[free]
-        )
+        loads = self.loads + self.contact
+        parts = energies(chain, pressure, delta, self.step, self.water, loads)
         share = chain.share(chain.moments(pressure, delta))
         return Check(float(np.hypot(*change[:, -1].T).max()), open_share(parts), share)

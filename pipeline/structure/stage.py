@@ -122,8 +122,8 @@ def run(scene: Scene, quiet: bool = False) -> None:
         names = ("tip_change", "open_energy", "moment_share", "first_order")
         values |= {"coupled": 1} | {name: file.attrs[name] for name in names}
         pushed = file["contact_force"].values
-        # not its peak: an impact within a step pushes the harder the shorter the step is
-        values["contact_force"] = float(np.median(pushed[pushed > 0])) if pushed.any() else 0.0
+        values["contact_force"] = float(pushed.max())
+        values["contact_impulse"] = float(pushed.sum() * time[1])
     elif finger.known and scene.pinch is not None:
         values["unknown"] = (
             "The motion is prescribed; what the water does to it is computed for a finger that"

@@ -7,8 +7,8 @@ import pandas as pd
 
 from piv.formats import vortex_table
 
-_REACH = 2.5  # tip widths; a vortex further off is not the tip's
-_RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
+REACH = 2.5  # tip widths; a vortex further off is not the tip's
+RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
 KNOWN = 0.05  # standard uncertainty over circulation: a vortex that a wall hides is known less
 ENOUGH = 1 / 3  # of the instants; a circulation that is known at fewer is not judged
 COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
@@ -37,7 +37,7 @@ def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> 
     A track counts as zero at instants where it is absent, so that a flicker cannot win.
     """
     inside = table[table["time"].between(*window)]
-    near = inside[(inside["finger"] == finger) & (inside["tip_distance"] <= _REACH)]
+    near = inside[(inside["finger"] == finger) & (inside["tip_distance"] <= REACH)]
     instants = inside["time"].nunique()
     total = near["circulation"].abs().groupby(near["track"]).sum()
     return (total / max(instants, 1)).sort_values(ascending=False)
@@ -50,7 +50,7 @@ def dominant_track(
     ranking = strengths(table, finger, window)
     if ranking.empty:
         raise ValueError(
-            f"{name}: no vortex within {_REACH:g} tip widths of the tip of finger {finger}"
+            f"{name}: no vortex within {REACH:g} tip widths of the tip of finger {finger}"
             f" between {window[0]:.3f} and {window[1]:.3f} s"
         )
     return table[table["track"] == ranking.index[0]].reset_index(drop=True)
@@ -65,7 +65,7 @@ def counterpart(
     least half as strong as the strongest.
     """
     ranking = strengths(table, finger, window)
-    rivals = ranking.index[ranking >= _RIVAL * ranking.iloc[0]]
+    rivals = ranking.index[ranking >= RIVAL * ranking.iloc[0]]
     candidates = {name: table[table["track"] == name].reset_index(drop=True) for name in rivals}
 
     def distance(name: int) -> float:

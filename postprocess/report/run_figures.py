@@ -18,9 +18,8 @@ def energy_figure(album: Album, out: Path) -> None:
     """Where the finger's work goes."""
     balance = RUN.read(out / "run/run.json")["power_balance"]
     tables = POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
-    known = (table[table["time"] <= (balance.get("until") or np.inf)] for table in tables)
     alt = "Work of the finger over time, and what it has become, stacked."
-    album.add(draw_solver.energy(*known), "energy.svg", "solve", alt, balance_sentence(balance))
+    album.add(draw_solver.energy(*tables), "energy.svg", "solve", alt, balance_sentence(balance))
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:

@@ -11,18 +11,12 @@ def balance_sentence(balance: dict[str, Any]) -> str:
     parts = balance["taken"] | {"kinetic": balance["kinetic_energy"]}
     of = {name: quantity(value / work, "fraction") for name, value in parts.items()}
     return (
-        f"{_of_work(balance)}, {1e3 * balance['work']:.3f}{NBSP}mJ, {of['kinetic']}"
+        f"Of the finger's work on the water, {1e3 * balance['work']:.3f}{NBSP}mJ, {of['kinetic']}"
         f" is kinetic energy at the end; viscosity has taken {of['viscous']}, the convection scheme"
         f" {of['convection']}, the coupling of pressure and velocity {of['coupling']};"
         f" {quantity(unexplained, 'fraction')} is unexplained. What the schemes take acts as"
         " viscosity of the mesh: the computed vortices lose it sooner than those in the water."
     )
-
-
-def _of_work(balance: dict[str, Any]) -> str:
-    until = balance.get("until")
-    before = f" until {until:.3f}{NBSP}s (before the tips touch)" if until else ""
-    return f"Of the finger's work on the water{before}"
 
 
 def power_sentence(balance: dict[str, Any]) -> str:
@@ -32,8 +26,8 @@ def power_sentence(balance: dict[str, Any]) -> str:
     warning = balance.get("warning")
     return (
         (f"Warning: {warning}. " if warning else "")
-        + f"{_of_work(balance)} the numerical schemes take {100 * schemes:.0f}{NBSP}%, which"
-        " the water would not;"
+        + "Of the finger's work on the water the numerical schemes take"
+        f" {100 * schemes:.0f}{NBSP}%, which the water would not;"
         f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} is unexplained."
     )
 

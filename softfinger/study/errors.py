@@ -19,6 +19,7 @@ _INSTANTS = 12  # of the middle of the stroke at which velocity fields are compa
 _NEAR_TIP = 2.0  # tip widths from the tip within which a user looks at the flow
 _OF_VORTEX = ("error_circulation", "error_centre")
 _COUNTED = (*_OF_VORTEX, "error_near_tip", "error_velocity", "error_force")
+_GAP = 0.6  # of the time between two planes, from a known instant to one that is compared
 _LATE = 3  # windows between the middle of the stroke and the end of the run
 # Orders that an extrapolation takes: schemes are of second order, walls and time of first.
 _ORDERS = (1.0, 2.0)
@@ -48,13 +49,15 @@ def errors_against(
         errors = {"error_velocity": fields.rms_difference(sums) / scale}
         if source == "cfd":
             errors["error_near_tip"] = near_tip_error(wanted, shown)
-    tables = {
-        name: tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
-        for name, of, seen in (("best", best, "cfd"), ("other", files, source))
-    }
-    tips = list(tracks.dominant_tracks(tables, 0, window).values())
-    if len(tips) == 2:
-        errors |= vortex_errors(tips[0], tips[1], window, width)
+    reference, other = (
+        tracks.read_vortices(of.required(f"vortices_{seen}.csv", "vortices"))
+        for of, seen in ((best, "cfd"), (files, source))
+    )
+    tip = tip_vortex(reference, window)
+    same = same_vortex(other, tip, window)
+    instants = other.loc[other["time"].between(*window), "time"].nunique()
+    if len(same) >= max(1.0, tracks.ENOUGH * instants):
+        errors |= vortex_errors(tip, same, window, width)
     if source == "cfd":
         wanted_force, force = (
             FORCES.read(of.required("run/forces.csv", "solve")) for of in (best, files)
@@ -75,6 +78,48 @@ def near_tip_error(reference: xr.Dataset, other: xr.Dataset) -> float:
     reach = _NEAR_TIP * float(reference.attrs["tip_width"])
     sums = fields.field_sums(reference, other, reach)
     return float(np.sqrt(sums["difference2"].sum() / sums["reference2"].sum()))
+
+
+def tip_vortex(table: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
+    """The strongest vortex near the tip, of the window's sense, at each instant where it is found.
+
+    Not by its track, which may go on in another vortex where the finder has lost one.
+    """
+    ranking = tracks.strengths(table, 0, window)
+    if ranking.empty:
+        return table[:0]
+    sense = np.sign(table.loc[table["track"] == ranking.index[0], "circulation"].median())
+    found = _found(table, window, sense)
+    found = found[found["tip_distance"] <= tracks.REACH]
+    strongest = found.loc[found.groupby("time")["circulation"].idxmax()]
+    enough = tracks.RIVAL * strongest["circulation"].median()
+    signed = strongest[strongest["circulation"] >= enough]
+    return signed.assign(circulation=sense * signed["circulation"]).reset_index(drop=True)
+
+
+def same_vortex(
+    table: pd.DataFrame, tip: pd.DataFrame, window: tuple[float, float]
+) -> pd.DataFrame:
+    """The vortex of `table` that is nearest to `tip` at each instant, of its sense and strength."""
+    if tip.empty:
+        return table[:0]
+    sense = np.sign(tip["circulation"].iloc[0])
+    found, time = _found(table, window, sense), tip["time"]
+    x, y, strength = (np.interp(found["time"], time, tip[n]) for n in ("x", "y", "circulation"))
+    # none where the vortex is not known of the reference at about that time
+    spacing = _GAP * float(np.diff(time).min()) if len(time) > 1 else 0.0
+    apart = np.abs(np.subtract.outer(found["time"].to_numpy(), time.to_numpy())).min(axis=1)
+    rival = (found["circulation"] >= tracks.RIVAL * np.abs(strength)) & (apart <= spacing + 1e-9)
+    distance = np.hypot(found["x"] - x, found["y"] - y)[rival]
+    nearest = found.loc[distance.groupby(found["time"]).idxmin()]
+    return nearest.assign(circulation=sense * nearest["circulation"]).reset_index(drop=True)
+
+
+def _found(table: pd.DataFrame, window: tuple[float, float], sense: float) -> pd.DataFrame:
+    """Vortices of a sense within a window that were found, with the size of their circulation."""
+    signed = table.assign(circulation=sense * table["circulation"])
+    kept = (table["bridged"] == 0) & (table["finger"] == 0) & table["time"].between(*window)
+    return signed[kept & (signed["circulation"] > 0)]
 
 
 def vortex_errors(
@@ -120,11 +165,13 @@ def worst(errors: dict[str, float]) -> dict[str, float]:
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
     """Errors of the best run itself, extrapolated from the next two levels with its overrides.
 
+    Its own cells may be finer than those of any level.
     The order in the cell's size is that at which their errors fall, within _ORDERS; of one level
     it is the second. Empty where the study has none. `table`: by run; `runs`: of the plan.
     """
     of_best = next(r["overrides"] for r in runs if r["run"] == best)
-    alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == of_best]
+    as_level = {key: value for key, value in of_best.items() if not key.startswith("mesh.")}
+    alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == as_level]
     known = [r for r in alike if r != best and np.isfinite(table["error"].get(r, np.nan))]
     next_two = table.loc[sorted(known, key=lambda r: -table.loc[r, "cells"])[:2]]
     dimensions = 2 if table.loc[best, "model"] == "2d" else 3

@@ -1,7 +1,8 @@
-"""Runs and images at the extremes (python -m docs.evidence.stability).
+"""Runs and images at the extremes, and drawn runs (python -m docs.evidence.stability).
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
-completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1.
+completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1. So does a
+drawn run that is wrong without a warning.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from docs.evidence.stability import images, page
+from docs.evidence.stability import drawn, images, page
 from docs.evidence.stability.solver import read_plans, result
 from pipeline.openfoam.environment import foam_version
 from piv.files.command import guarded
@@ -21,6 +22,7 @@ from piv.files.provenance import versions
 from postprocess.tables import write_table
 
 PLAN = "cases/{}/out/studies/stability/plan.json"
+DRAWN = Path("cases/single_finger/out/studies/drawn/plan.json")
 PLANS = [Path(PLAN.format(name)) for name in ("single_finger", "pinch")]
 FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
@@ -31,13 +33,17 @@ RUN_COLUMNS = (
     "non_orthogonality_deg", "work_J", "kinetic_J", "closure_fraction", "from_nothing_fraction",
     "peak_force_N", "force_of_plate", "cpu_s", "reason",
 )  # fmt: skip
+DRAWN_COLUMNS = (
+    "run", "level", "numerics.time_step", "motion.strokes", "mesh.wall_cell", "ended", "error_peak",
+    "error_impulse", "force_change", "unexplained_share", "courant_max", "warned", "reason",
+)  # fmt: skip
 IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_unflagged", "reason")
 
 
 def main() -> None:
     """Command line; exit code 1 where an ending is not allowed, 2 where runs are missing."""
     parser = argparse.ArgumentParser(prog="python -m docs.evidence.stability", description=__doc__)
-    parser.add_argument("--part", choices=("runs", "images"), help="(default: both)")
+    parser.add_argument("--part", choices=("runs", "drawn", "images"), help="(default: all)")
     part, faults = parser.parse_args().part, list[dict[str, Any]]()
     code = guarded("stability", lambda: faults.extend(judge(part)))
     sys.exit(code or int(bool(faults)))
@@ -48,13 +54,19 @@ def judge(part: str | None) -> list[dict[str, Any]]:
     made: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()}
     made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
-    if part != "images":
+    if part in (None, "runs"):
         ended = [result(row) for row in read_plans(PLANS)]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
         write_table(FOLDER / "runs.csv", table, made)
-    if part != "runs":
+    if part in (None, "drawn"):
+        pairs = drawn.pairs(read_plans([DRAWN]))
+        drawn_rows = [run | drawn.result(run, finer) for run, finer in pairs]
+        table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
+        write_table(FOLDER / "drawn.csv", table, made)
+        ended += drawn_rows
+    if part in (None, "images"):
         pictures = [(case, preset) for case in images.cases() for preset in PRESETS]
         progress = tqdm(pictures, "images", unit="pair", disable=None)
         image_rows = [images.run_case(*picture) for picture in progress]

@@ -1,4 +1,4 @@
-"""Summaries of docs/stability.md, from the tables of runs, images and faults."""
+"""Summaries of docs/stability.md, from the tables of runs, drawn runs, images and faults."""
 
 from pathlib import Path
 
@@ -12,6 +12,7 @@ ENDINGS = {
     "stopped": "stopped by a guard",
     "all flagged": "every vector marked as bad",
     "WRONG": "plausible wrong answer",
+    "UNWARNED": "completed, a fifth wrong without a warning",
     "CRASH": "crash",
     "FAILED": "solver failed",
     "HANG": "hang",
@@ -29,12 +30,12 @@ def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
 
 def write(folder: Path) -> None:
     """Write the summaries beside the tables."""
-    runs, images, faults = (
+    runs, drawn, images, faults = (
         pd.read_csv(folder / f"{name}.csv", comment="#", dtype=str, keep_default_na=False)
-        for name in ("runs", "images", "faults")
+        for name in ("runs", "drawn", "images", "faults")
     )
     endings = pd.DataFrame({"ending": ENDINGS.values()})
-    for name, of in (("runs", runs), ("images", images)):
+    for name, of in (("runs", runs), ("drawn runs", drawn), ("images", images)):
         endings[name] = [(of["ended"] == ending).sum() for ending in ENDINGS]
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())

@@ -36,24 +36,29 @@ def inertia_of(chain, mass):
     return found
 
 
-def coupled(chain, water, known, swelling=0.0, swelling_known=0.0, contact=0.0):
+def coupled(
+    chain, water, known, swelling=0.0, swelling_known=0.0, contact=0.0, noise=(), pressure=PRESSURE
+):
     """The motion in water of the inertia `water`, where the scheme takes it for `known`.
 
-    `swelling`: loads by the pressure's second derivative, and what the scheme takes them for.
+    `swelling`: loads by the pressure's second derivative, and what the scheme takes them for;
+    `noise`: more loads (N m about the root) of the first steps.
     """
-    history = Coupling(chain, STEP, AIR, PRESSURE)
+    history = Coupling(chain, STEP, AIR, pressure)
     history.inertia[..., :-1], history.inertia[..., -1] = known, swelling_known
     history.contact[:] = contact
     for number in range(len(TIME)):
         if number:
             times = past(number)
             rate = turning(history.unloaded, times, history.delta[times], STEP)
-            history.take(number, -water @ rate - swelling * felt(PRESSURE[times], STEP))
-        if history.alternates(number):
-            return history, number
+            loads = -water @ rate - swelling * felt(pressure[times], STEP)
+            if number < len(noise):
+                loads[-1, 1] += noise[number] / chain.arc[chain.joints[-2]]
+            history.take(number, loads)
+        history.choose_order(number)
         if number + 1 < len(TIME):
             history.delta[number + 1] = history.next_delta(number)
-    return history, None
+    return history
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +76,8 @@ def truth(chain, water):
 @pytest.mark.parametrize("factor", [0.6, 1.0, 1.5])
 def test_water_that_is_known_roughly_is_met_in_one_run(chain, water, truth, factor):
     """Below 0.4 the scheme is not stable; what is left at 1.5 is a hundredth of the criterion."""
-    history, unstable = coupled(chain, water, factor * water)
-    assert unstable is None
+    history = coupled(chain, water, factor * water)
+    assert not history.first_order
     result = history.check()
     assert not result.fault(chain.arc[-1])
     apart = chain.profile(PRESSURE, history.delta) - chain.profile(PRESSURE, truth)
@@ -84,8 +89,8 @@ def test_walls_that_the_pressure_moves_push_the_water_at_once(chain, water):
     """As a finger that swells; taken from the steps before these loads cost accuracy."""
     turned = np.diff(np.angle(chain.unloaded(np.array([0.0, 1e3])).heading), axis=0)[0] / 1e3
     swelling = 0.1 * water @ turned  # a tenth of what the turns without load do
-    late, _ = coupled(chain, water, water, swelling)
-    now, _ = coupled(chain, water, water, swelling, swelling)
+    late = coupled(chain, water, water, swelling)
+    now = coupled(chain, water, water, swelling, swelling)
     assert now.check().tip < 0.1 * late.check().tip
 
 
@@ -94,7 +99,7 @@ def test_an_inertia_that_is_learnt_anew_after_an_impact_adds_no_impulse(chain, w
     contact = np.zeros((len(TIME), chain.slices, 3))
     contact[40, -1, 1] = -5.0  # N, for one step
     since = np.where(np.arange(len(TIME)) > 40, 1.2, 1.0)
-    history, _ = coupled(chain, water, np.multiply.outer(since, water), contact=contact)
+    history = coupled(chain, water, np.multiply.outer(since, water), contact=contact)
     # m; an inertia that is a fifth too large all along leaves 8e-5
     assert history.check().tip < 5e-5
 
@@ -107,9 +112,20 @@ def test_the_stated_bounds_of_stability(weights, low, high):
         assert within < 1 < beyond
 
 
-def test_water_that_is_not_known_makes_a_mode_alternate_which_is_noticed(chain, water):
-    _, unstable = coupled(chain, water, 0.3 * water)
-    assert unstable is not None
+def test_water_that_is_not_known_makes_a_mode_alternate_until_it_is_known(chain, water):
+    """To first order the mode ceases; to second order it would return while the cause is there."""
+    history = coupled(chain, water, 0.3 * water)
+    assert history.first_order == list(range(history.first_order[0], len(TIME) - 1))
+    known = np.multiply.outer(np.where(np.arange(len(TIME)) <= 40, 0.3, 1.0), water)
+    history = coupled(chain, water, known)
+    assert history.first_order == list(range(history.first_order[0], 40))
+
+
+def test_noise_at_the_start_is_no_mode(chain, water):
+    """2e-6 N m, as at level draft, were more than a fifth of the largest load until then."""
+    late = stroke_law(0.0, [(20e3, 0.06, 0.2)])(TIME)
+    growing = 2e-6 * 1.05 ** np.arange(30) * (-1) ** np.arange(30)
+    assert not coupled(chain, water, water, noise=growing, pressure=late).first_order
 
 
 def test_the_tolerances_of_a_finger_of_70_mm():

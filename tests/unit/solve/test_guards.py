@@ -18,7 +18,9 @@ from pipeline.solve.guards import (
     Guard,
     check_courant,
     energy_budget,
+    force_change,
     power_warning,
+    step_warning,
 )
 from pipeline.solve.power import power_balance
 from pipeline.solve.solver import LOG, Watchdog, failed
@@ -168,6 +170,19 @@ def test_a_wall_whose_speed_changes_by_a_fifth_of_its_peak_in_a_step_jumps(part,
     energy = 0.5 * 1000 * 0.3**2 * 0.02**2 * 0.03
     budget.begin(29e-3, 0.0, energy, 0.0)
     assert (budget.add(31e-3, 0.0, 1.2 * energy, 0.0) is None) == jumps
+
+
+@pytest.mark.parametrize("steps, warned", [(40, ""), (12, "may be 40 % wrong"), (2, "100 % wrong")])
+def test_a_time_step_that_does_not_resolve_the_force_is_warned_of(steps, warned):
+    """An oscillation of so many steps; with 40 its phase over a step is 0.16 rad."""
+    phase = 2 * np.pi * np.arange(50 * steps) / steps
+    force = np.column_stack([np.cos(phase), 0.2 * np.cos(phase)])
+    # chord over arc, and the ends
+    assert force_change(force) == pytest.approx(2 * np.sin(np.pi / steps), rel=0.01)
+    warning = step_warning(force, 0.01)
+    assert warned in warning
+    assert bool(warning) == bool(warned)
+    assert step_warning(0 * force, 0.01) == ""  # a finger at rest
 
 
 def test_unexplained_power_is_warned_of_and_then_refused():

@@ -29,7 +29,9 @@ from softfinger.study.accuracy import (
 from softfinger.study.errors import (
     force_error,
     own_errors,
+    same_vortex,
     stroke_windows,
+    tip_vortex,
     vortex_errors,
     worst,
 )
@@ -70,6 +72,32 @@ def test_errors_of_known_size():
     assert vortex_errors(table[:0], moved, (0.1, 0.3), 0.02) == {}
     assert vortex_errors(table, moved[:0], (0.1, 0.3), 0.02) == {}
     assert worst({"error_velocity": 0.05}) == {}  # without a vortex nothing is judged
+
+
+def vortices(time, **columns):
+    """A table of one vortex near the tip that drifts in x."""
+    table = pd.DataFrame({"time": time, "x": 0.1 * time, "y": 0.17, "circulation": -0.006})
+    table = table.assign(peak_vorticity=-60.0, track=0, bridged=0, finger=0, tip_distance=1.0)
+    return table.assign(**columns)
+
+
+def test_a_vortex_is_compared_where_both_sources_have_found_it():
+    """A track that goes on in another vortex after a gap made 3 mm of the centre 13 mm."""
+    time, window = np.arange(0.28, 0.35, 0.01).round(3), (0.275, 0.345)
+    other = vortices(time, x=0.1 * time + 0.003)
+    weak = vortices(time, y=0.19, circulation=0.002, track=1)  # of the other sense
+    known = vortices(time)
+    lost = known["time"].between(0.295, 0.315)
+    known.loc[lost, "bridged"] = 1
+    known.loc[known["time"] == 0.32, ["y", "circulation"]] = 0.183, -0.0024
+    known = pd.concat([known, weak]).sort_values("time", ignore_index=True)
+    tip = tip_vortex(known, window)
+    np.testing.assert_allclose(tip["time"], [0.28, 0.29, 0.33, 0.34])
+    same = same_vortex(pd.concat([weak, other]), tip, window)
+    np.testing.assert_allclose(same["time"], tip["time"])
+    assert vortex_errors(tip, same, window, 0.02)["error_centre_mm"] == pytest.approx(3.0)
+    assert same_vortex(weak, tip, window).empty
+    assert tip_vortex(known.assign(tip_distance=3.0), window).empty
 
 
 def test_windows_are_the_middle_of_the_stroke_and_three_parts_of_the_rest():
@@ -242,6 +270,8 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
     # cells of half the size: a quarter of the error, so a third of the difference
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
     assert own_errors(table, runs[:1], "medium") == {}
+    finer = [runs[0] | {"overrides": {"mesh.near_cell": 5e-4}}, *runs[1:]]
+    assert own_errors(table, finer, "medium")["error"] == pytest.approx(0.04)
     # errors of first order: cells of half the size have the best run's own error as difference
     table.loc["draft", "error_circulation"] = 0.12 * (16 ** (1 / 3) - 1)
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)

@@ -1,0 +1,114 @@
+"""Drawn runs against their like with half the step and finer cells: which are wrong unwarned?
+
+`python -m docs.evidence.stability.drawn SEED COUNT` draws the study
+cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
+"""
+
+import csv
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from docs.evidence.stability import solver
+from pipeline.formats.records import FORCES, RUN
+from pipeline.solve.guards import force_change
+
+TABLE = Path("cases/single_finger/studies/drawn.csv")
+WRONG = 0.2  # of peak force or impulse
+_FINER = "_fine"  # end of the name of a run with half the step and cells 2/3 as large
+_FINE = 2 / 3
+_VARIED = ("numerics.time_step", "motion.strokes", "mesh.wall_cell")
+# rates (Hz) at which both time steps (s) sample the sheet
+_STEPS = {1e-3: 200, 2e-3: 250, 2.5e-3: 200, 4e-3: 250, 5e-3: 200, 8e-3: 125, 10e-3: 100}
+_RISES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6)  # s
+_MOST_STEPS = 200  # of a rise
+_PRESSURES = (-20.0, 10.0, 20.0, 30.0)  # kPa
+_CELLS = (0.8, 1.0, 1.25, 1.6)
+_START, _REST = 0.005, 0.015  # s, before and after the rise
+# of levels smoke and draft, m
+_SIZES = {
+    "smoke": {"wall_cell": 2.4e-3, "tip_cell": 1.4e-3, "near_cell": 3e-3, "far_cell": 25e-3},
+    "draft": {"wall_cell": 3.9e-3, "tip_cell": 0.65e-3, "near_cell": 1.5e-3, "far_cell": 37.5e-3},
+}
+
+
+def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
+    """Rows of the study: each drawn run, and its like with half the step and finer cells."""
+    random, rows = np.random.default_rng(seed), list[dict[str, Any]]()
+    while len(rows) < 2 * count:
+        step, rise = random.choice([*_STEPS]), random.choice(_RISES)
+        kpa, cells = random.choice(_PRESSURES), random.choice(_CELLS)
+        if rise / step > _MOST_STEPS:
+            continue
+        end = step * np.ceil((_START + rise + _REST) / step)
+        stroke = f'[{{"pressure_kpa": {kpa:g}, "start": {_START:g}, "duration": {rise:g}}}]'
+        for end_of_name, part, size in (("", 1.0, cells), (_FINER, 0.5, _FINE * cells)):
+            name = f"{level}_{seed}_{len(rows) // 2}{end_of_name}"
+            about = {"run": name, "level": level, "until": "solve", "may_fail": "yes", "ranks": 1}
+            motion = {"motion.strokes": stroke, "motion.end_time": f"{end:g}"}
+            numbers = {"numerics.time_step": f"{part * step:g}", "sheet.rate_hz": _STEPS[step]}
+            mesh = {f"mesh.{key}": f"{size * m:.4g}" for key, m in _SIZES[level].items()}
+            rows.append(about | motion | numbers | mesh)
+    return rows
+
+
+def result(run: dict[str, Any], finer: dict[str, Any]) -> dict[str, Any]:
+    """How a drawn run ended; of a completed one its errors against its `finer` like."""
+    ended = [solver.result(each) for each in (run, finer)]
+    about = ended[0] | {key: run["overrides"].get(key, "") for key in _VARIED}
+    if any(row["ended"] != "completed" for row in ended):
+        return about
+    record = RUN.read(_folder(run) / "run.json")
+    (force, peak, impulse), (_, true_peak, true_impulse) = map(_force, (run, finer))
+    errors = {
+        "error_peak": abs(peak / true_peak - 1),
+        "error_impulse": float(np.hypot(*(impulse - true_impulse)) / np.hypot(*true_impulse)),
+    }
+    wrong, warned = max(errors.values()) > WRONG, bool(record["power_balance"]["warning"])
+    return about | {
+        "ended": "UNWARNED" if wrong and not warned else "completed",
+        **{name: round(error, 3) for name, error in errors.items()},
+        "force_change": round(force_change(force), 3),
+        "unexplained_share": round(record["power_balance"]["unexplained_share"], 3),
+        "warned": "yes" if warned else "no",
+    }
+
+
+def _folder(run: dict[str, Any]) -> Path:
+    return Path(run["out"]) / "run"
+
+
+def _force(run: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
+    """Force (step, axis) N of a run, its peak and its impulse (axis,) N s."""
+    table = FORCES.read(_folder(run) / "forces.csv")
+    force = table[["fx", "fy"]].to_numpy()
+    return force, float(np.hypot(*force.T).max()), np.trapezoid(force, table["time"], axis=0)
+
+
+def pairs(runs: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Each drawn run of a plan with its finer like."""
+    by_name = {run["run"]: run for run in runs}
+    return [
+        (run, by_name[f"{name}{_FINER}"]) for name, run in by_name.items() if _FINER not in name
+    ]
+
+
+def main(level: str, seed: int, count: int) -> None:
+    """Add drawn rows to the study."""
+    rows = draw(level, seed, count)
+    new = not TABLE.exists()
+    with TABLE.open("a", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
+        if new:
+            file.write(
+                "# Drawn runs, each with its like at half the step and finer cells, by"
+                " docs/evidence/stability/drawn.py.\n"
+            )
+            writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
