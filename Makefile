@@ -96,20 +96,23 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
 
-# each with the CPU time that its records or page state; "hours" was never measured nearer
-evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (days)
-	@$(MAKE) validate                                 # 38 min, and hours of the finger's grids
-	@$(MAKE) bench-piv                                # hours
-	@$(MAKE) tradeoff SCENE=single_finger             # hours
+evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night)
+	@$(PY) -m docs.evidence.costs
+	@$(MAKE) tradeoff SCENE=single_finger
+	@$(MAKE) validate
 	@$(RUN) study cases/single_finger/studies/stability.csv
-	@$(RUN) study cases/pinch/studies/stability.csv   # 74 runs of both: 15 min
+	@$(RUN) study cases/single_finger/studies/drawn.csv
+	@$(RUN) study cases/pinch/studies/stability.csv
 	@$(PY) -m docs.evidence.stability
-	@$(MAKE) faults                                   # 900 faults: hours
-	@$(PY) -m docs.evidence.laboratory 241 280        # hours
-	@$(RUN) study cases/pinch/studies/variations.csv  # hours
+	@$(RUN) study cases/single_finger/studies/coupling.csv
+	@$(RUN) study cases/pinch/studies/variations.csv
+	@$(RUN) study cases/pinch/studies/contact.csv
 	@$(PY) -m docs.evidence.pinch
 	@$(PY) -m docs.evidence.ranks
-	@$(MAKE) docs                                     # 1 h
+	@$(MAKE) faults
+	@$(PY) -m docs.evidence.laboratory 241 280
+	@$(MAKE) bench-piv
+	@$(MAKE) docs
 
 faults: $(READY) ## kills, full disks, damaged files, two makes at once
 	@$(PY) -m docs.evidence.faults

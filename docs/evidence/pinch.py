@@ -1,6 +1,7 @@
 """`python -m docs.evidence.pinch`: writes docs/record/pinch_variations.csv.
 
-Findings and numbers (SI) of the runs of cases/pinch/studies/variations.csv that have been made.
+Findings and numbers (SI) of the runs of cases/pinch/studies/variations.csv and
+variations_dear.csv that have been made.
 """
 
 from datetime import UTC, datetime
@@ -58,8 +59,10 @@ def rows_of(name: str, run: Run, evidence: Evidence) -> pd.DataFrame:
 def main() -> None:
     """Write the table; rows of runs that are not made stay."""
     parts: list[pd.DataFrame] = []
-    for row in read_study(HOME / "studies" / "variations.csv"):
-        run = run_of(describe(HOME, "variations", row))
+    studies = "variations", "variations_dear"
+    rows = [(n, row) for n in studies for row in read_study(HOME / "studies" / f"{n}.csv")]
+    for name, row in rows:
+        run = run_of(describe(HOME, name, row))
         if not run.stale("vortices_cfd"):
             parts.append(rows_of(row.run, run, load_evidence(StageFiles(run.scene))))
             print(row.run, flush=True)

@@ -1,6 +1,9 @@
 """A study's runs as one tidy table: a row per run, the unit at the end of each column's name."""
 
 import json
+import subprocess
+from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,7 @@ from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.records import FORCES, RUN, STUDY_PLAN
 from pipeline.runs.run import Run, run_of
-from pipeline.runs.stages import BY_NAME, until
+from pipeline.runs.stages import BY_NAME, COUPLED, until
 from piv.files.errors import StageError
 from piv.files.record import read_record, record_path
 from postprocess.evidence import tip_vortex as tracks
@@ -21,6 +24,7 @@ from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.tables import write_table as write_csv
 
 _MB = 1e-6
+_IMPACT = 0.05  # s
 _SHARED = ["fea", *(stage.name for stage in until("vortices"))]
 
 
@@ -29,6 +33,29 @@ def read_plan(path: Path) -> dict[str, Any]:
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing; run the study with make study STUDY=… first")
     return STUDY_PLAN.read(path)
+
+
+def origin(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """What a table of a plan's `runs` was made from: date, commit, and the stages' versions.
+
+    The version of a coupled run's own stage is that of `<stage>_coupled`. The commit ends with
+    "-dirty" where files were changed since, and is empty without git.
+    """
+    stages: dict[str, int] = {}
+    for row in runs:
+        with suppress(StageError):  # it was refused
+            run = run_of(row)
+            for name in (stage.name for stage in until(row["until"])):
+                kind = "_coupled" if run.scene.coupled and name in COUPLED else ""
+                stages[f"{name}{kind}"] = run.stage(name).version
+    command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
+    home = Path(__file__).parent
+    commit = ""
+    with suppress(OSError):
+        git = subprocess.run(command, cwd=home, capture_output=True, text=True, check=False)
+        commit = git.stdout.strip()
+    date = datetime.now(UTC).date().isoformat()
+    return {"made": date, "commit": commit, "stages": dict(sorted(stages.items()))}
 
 
 def files_of(row: dict[str, Any]) -> StageFiles:
@@ -83,9 +110,11 @@ def _solver(files: StageFiles) -> dict[str, Any]:
     work = abs(balance["work"]) or 1.0  # a finger at rest does none
     coupled = {}
     if (path := files.optional(str(FILE))) is not None:
-        attributes = read_elastic_motion(path).attrs
-        coupled = {"tip_change_m": attributes["tip_change"]}
-        coupled |= {name: attributes[name] for name in ("open_energy", "moment_share")}
+        motion = read_elastic_motion(path)
+        coupled = {"tip_change_m": motion.attrs["tip_change"]}
+        coupled |= {name: motion.attrs[name] for name in ("open_energy", "moment_share")}
+        if motion["contact_force"].any():
+            coupled |= _contact(files, motion["time"].values, motion["contact_force"].values)
     return (
         {key: run[key] for key in keys}
         | coupled
@@ -101,6 +130,19 @@ def _solver(files: StageFiles) -> dict[str, Any]:
             "openfoam": run["versions"].get("OpenFOAM", ""),
         }
     )
+
+
+def _contact(files: StageFiles, time: np.ndarray, force: np.ndarray) -> dict[str, float]:
+    """Largest force (N), impulse (N s) of the first _IMPACT s, and rebound (m) of a contact."""
+    path = files.numbers.motion_folder / "kinematics.h5"
+    gap = read_kinematics(path).data["shape_gap"].values
+    first = int(np.argmax(force > 0))
+    of_impact = time <= time[first] + _IMPACT
+    return {
+        "contact_force_N": float(force.max()),
+        "contact_impulse_Ns": float(force[of_impact].sum() * (time[1] - time[0])),
+        "rebound_m": float((gap - np.minimum.accumulate(gap))[first:].max()),
+    }
 
 
 def middle_of_stroke(files: StageFiles) -> tuple[float, float]:

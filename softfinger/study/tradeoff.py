@@ -1,7 +1,6 @@
 """What accuracy costs: errors of a study's runs against its best, and those that nothing beats."""
 
 import platform
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from softfinger.study.table import (
     files_of,
     middle_of_stroke,
     missing_runs,
+    origin,
     read_plan,
     stage_costs,
     study_table,
@@ -154,17 +154,23 @@ def _evaluate(plan: dict[str, Any], best: str) -> tuple[pd.DataFrame, pd.DataFra
 
 
 def write_results(
-    path: Path, table: pd.DataFrame, errors: pd.DataFrame, best: str, probe: dict[str, float]
+    path: Path,
+    table: pd.DataFrame,
+    errors: pd.DataFrame,
+    best: str,
+    probe: dict[str, float],
+    made_from: dict[str, Any],
 ) -> None:
     """Write the table, which ACCURACY= and BUDGET= choose from, as CSV below its provenance.
 
-    `errors`: by run and window of the stroke, which become errors.csv beside it.
+    `errors`: by run and window of the stroke, which become errors.csv beside it; `made_from`: as
+    of `origin`.
     """
     head = {
         "format": "tradeoff",
         "format_version": 2,
         "best": best,
-        "made": datetime.now(UTC).date().isoformat(),
+        **made_from,
         "probe": probe,
         "versions": {"python": platform.python_version()} | versions(*_LIBRARIES),
     }
@@ -194,4 +200,4 @@ def write_tradeoff(path: Path, only: list[str]) -> None:
     table, errors = _evaluate(plan, best)
     probe = read_json(path.with_name("probe.json"), REMEDY)
     target = folder / "studies" / "results" / "tradeoff.csv"
-    write_results(target, table, errors, best, probe)
+    write_results(target, table, errors, best, probe, origin(plan["runs"]))

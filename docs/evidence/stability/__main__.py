@@ -7,7 +7,6 @@ drawn run that is wrong without a warning.
 
 import argparse
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from pipeline.openfoam.environment import foam_version
 from piv.files.command import guarded
 from piv.files.provenance import versions
 from postprocess.tables import write_table
+from softfinger.study.table import origin
 
 PLAN = "cases/{}/out/studies/stability/plan.json"
 DRAWN = Path("cases/single_finger/out/studies/drawn/plan.json")
@@ -51,27 +51,27 @@ def main() -> None:
 
 def judge(part: str | None) -> list[dict[str, Any]]:
     """Collect the endings, evaluate the pictures, write the tables; return the faults."""
-    made: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()}
-    made |= {"versions": {"OpenFOAM": foam_version()} | versions()}
+    made = {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
     if part in (None, "runs"):
-        ended = [result(row) for row in read_plans(PLANS)]
+        plan = read_plans(PLANS)
+        ended = [result(row) for row in plan]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
-        write_table(FOLDER / "runs.csv", table, made)
+        write_table(FOLDER / "runs.csv", table, origin(plan) | made)
     if part in (None, "drawn"):
-        pairs = drawn.pairs(read_plans([DRAWN]))
+        pairs = drawn.pairs(plan := read_plans([DRAWN]))
         drawn_rows = [run | drawn.result(run, finer) for run, finer in pairs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
-        write_table(FOLDER / "drawn.csv", table, made)
+        write_table(FOLDER / "drawn.csv", table, origin(plan) | made)
         ended += drawn_rows
     if part in (None, "images"):
         pictures = [(case, preset) for case in images.cases() for preset in PRESETS]
         progress = tqdm(pictures, "images", unit="pair", disable=None)
         image_rows = [images.run_case(*picture) for picture in progress]
         table = pd.DataFrame(image_rows, columns=IMAGE_COLUMNS, dtype=object)
-        write_table(FOLDER / "images.csv", table, made)
+        write_table(FOLDER / "images.csv", table, origin([]) | made)
         ended += image_rows
     page.write(FOLDER)
     faults = [row for row in ended if row["ended"] not in FINE]

@@ -39,6 +39,7 @@ from softfinger.study.tradeoff import finest, front, write_results
 from tests.conftest import CASES
 
 SINGLE = CASES / "single_finger"
+PROBE = {"solver": 0.5, "images": 0.2}
 SETTINGS = [
     Setting("draft", 1, {0.1: 0.2, 0.2: 0.4}, {"solve": 40.0, "mesh": 5.0}),
     Setting("coarse", 1, {0.1: 0.04, 0.2: 0.1}, {"solve": 300.0, "mesh": 10.0}),
@@ -203,10 +204,10 @@ def test_the_cheapest_accurate_setting_and_the_best_in_time():
 
 def test_a_vortex_that_was_not_found_makes_an_error_unbounded(tmp_path):
     path = tmp_path / "tradeoff.csv"
-    write_results(path, *results(), "medium", {"solver": 0.5, "images": 0.2})
+    write_results(path, *results(), "medium", PROBE, {})
     errors = pd.read_csv(path.with_name("errors.csv"), comment="#")
     lost = errors.assign(error=errors["error"].where(errors["start_s"] < 0.2))
-    write_results(path, results()[0], lost, "medium", {"solver": 0.5, "images": 0.2})
+    write_results(path, results()[0], lost, "medium", PROBE, {})
     settings, _ = read_results(path)
     assert settings[0].error(until=0.2) == 0.1
     assert settings[0].error() == np.inf
@@ -279,14 +280,14 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
 
 def test_results_that_can_be_chosen_from(tmp_path):
     path = tmp_path / "tradeoff.csv"
-    write_results(path, *results(), "medium", {"solver": 0.5, "images": 0.2})
+    write_results(path, *results(), "medium", PROBE, {})
     settings, head = read_results(path)
     assert head["probe"] == {"solver": 0.5, "images": 0.2}
     # the reference has no error, a plane flow is no level, PIV is no flow
     assert [(s.level, s.errors, s.seconds) for s in settings] == [
         ("draft", {0.1: 0.1, 0.2: 0.3}, {"solve": 45.0})
     ]
-    write_results(path, *results(own=0.06), "medium", {"solver": 0.5, "images": 0.2})
+    write_results(path, *results(own=0.06), "medium", PROBE, {})
     settings, head = read_results(path)
     assert [s.level for s in settings] == ["draft", "medium"]
     told = "relative to medium, whose own error is estimated at 6.0%"
