@@ -165,13 +165,11 @@ def worst(errors: dict[str, float]) -> dict[str, float]:
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
     """Errors of the best run itself, extrapolated from the next two levels with its overrides.
 
-    Its own cells may be finer than those of any level.
     The order in the cell's size is that at which their errors fall, within _ORDERS; of one level
     it is the second. Empty where the study has none. `table`: by run; `runs`: of the plan.
     """
     of_best = next(r["overrides"] for r in runs if r["run"] == best)
-    as_level = {key: value for key, value in of_best.items() if not key.startswith("mesh.")}
-    alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == as_level]
+    alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == of_best]
     known = [r for r in alike if r != best and np.isfinite(table["error"].get(r, np.nan))]
     next_two = table.loc[sorted(known, key=lambda r: -table.loc[r, "cells"])[:2]]
     dimensions = 2 if table.loc[best, "model"] == "2d" else 3

@@ -271,8 +271,6 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
     # cells of half the size: a quarter of the error, so a third of the difference
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
     assert own_errors(table, runs[:1], "medium") == {}
-    finer = [runs[0] | {"overrides": {"mesh.near_cell": 5e-4}}, *runs[1:]]
-    assert own_errors(table, finer, "medium")["error"] == pytest.approx(0.04)
     # errors of first order: cells of half the size have the best run's own error as difference
     table.loc["draft", "error_circulation"] = 0.12 * (16 ** (1 / 3) - 1)
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)
