@@ -30,15 +30,16 @@ def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
 
 def write(folder: Path) -> None:
     """Write the summaries beside the tables."""
-    runs, drawn, images, faults = (
-        pd.read_csv(folder / f"{name}.csv", comment="#", dtype=str, keep_default_na=False)
-        for name in ("runs", "drawn", "images", "faults")
-    )
+    tables = {
+        path.stem: pd.read_csv(path, comment="#", dtype=str, keep_default_na=False)
+        for path in (folder / f"{name}.csv" for name in ("runs", "drawn", "images", "faults"))
+        if path.exists()
+    }
     endings = pd.DataFrame({"ending": ENDINGS.values()})
-    for name, of in (("runs", runs), ("drawn runs", drawn), ("images", images)):
-        endings[name] = [(of["ended"] == ending).sum() for ending in ENDINGS]
+    for name in [name for name in tables if name != "faults"]:
+        endings[name] = [(tables[name]["ended"] == ending).sum() for ending in ENDINGS]
     write_table(folder / "endings.csv", endings)
-    write_table(folder / "fault_kinds.csv", fault_kinds(faults).reset_index())
+    write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())
 
 
 if __name__ == "__main__":
