@@ -37,7 +37,10 @@ def write(folder: Path) -> None:
     }
     endings = pd.DataFrame({"ending": ENDINGS.values()})
     for name in [name for name in tables if name != "faults"]:
-        endings[name] = [(tables[name]["ended"] == ending).sum() for ending in ENDINGS]
+        count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
+        if name != "drawn":
+            count["UNWARNED"] = "not judged"
+        endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())
 
