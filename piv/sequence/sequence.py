@@ -95,9 +95,7 @@ def correlate_recording(
         time = time.mean(keepdims=True)
     writer = SeriesWriter(output, x, y, time, units.names, attrs, [identity, recording.stamp])
     threads_before, interval_before = cv2.getNumThreads(), sys.getswitchinterval()
-    shake_unknown = blank = 0
-    shares: dict[int, float] = {}
-    retried: Counter[str] = Counter()
+    tally = _Tally(len(sets))
     try:
         if sequence.ensemble:
             plane = correlate_ensemble(
@@ -114,15 +112,10 @@ def correlate_recording(
                    desc="correlate", disable=quiet or None)  # fmt: skip
         for k, plane in _in_parallel(missing, sets, frames.of, options, sequence):
             writer.write(k, units.fields(plane, k))
-            if absent(plane):
-                blank += 1
-            else:
-                shares[k] = float(usable(plane).mean())
-            shake_unknown += plane.attrs.get("shake_unknown", 0)
-            retried.update([plane.attrs["retried"]] if "retried" in plane.attrs else [])
+            tally.add(k, plane)
             bar.update()
         bar.close()
-        if blank == len(sets):
+        if tally.blank == len(sets):
             raise ValueError(f"{recording.name}: no frame shows particles where it is not masked")
         for name, shape in recording.finger.items():
             values = _finger_in_sets(recording, name, sets)
@@ -132,26 +125,48 @@ def correlate_recording(
         sys.setswitchinterval(interval_before)
         cv2.setNumThreads(threads_before)
         writer.close()
-        if sequence.pairing == PAIRINGS[0] and (apart := alternating(shares)):
+        tally.tell(output, sequence.pairing == PAIRINGS[0])
+
+
+class _Tally:
+    """Counts of fields that need a word to the user."""
+
+    def __init__(self, count: int) -> None:
+        self.count, self.blank, self.shake_unknown = count, 0, 0
+        self.shares: dict[int, float] = {}  # of usable vectors
+        self.retried: Counter[str] = Counter()
+
+    def add(self, k: int, plane: xr.Dataset) -> None:
+        """Count the field of set `k`."""
+        if absent(plane):
+            self.blank += 1
+        else:
+            self.shares[k] = float(usable(plane).mean())
+        self.shake_unknown += plane.attrs.get("shake_unknown", 0)
+        self.retried.update([plane.attrs["retried"]] if "retried" in plane.attrs else [])
+
+    def tell(self, output: str | Path, neighbours: bool) -> None:
+        """Warn of what was counted; neighbours: whether a field begins with each frame."""
+        if neighbours and (apart := alternating(self.shares)):
             warn(
                 f"{output}: the shares of usable vectors alternate from field to field, "
                 f"{apart[0]:.0%} and {apart[1]:.0%} in the median: are these pairs? "
                 f"Then give `pairing = {PAIRINGS[1]}`"
             )
-        for way, number in retried.most_common():
+        for way, number in self.retried.most_common():
             warn(
-                f"{output}: {number} of {len(sets)} fields were correlated another way, which "
+                f"{output}: {number} of {self.count} fields were correlated another way, which "
                 f"explains more of their pictures: {way}"
             )
-        if blank:
+        if self.blank:
             warn(
-                f"{output}: {blank} fields are absent: a frame of theirs is of one grey level "
+                f"{output}: {self.blank} fields are absent: a frame of theirs is of one grey level "
                 "where it is not masked"
             )
-        if shake_unknown:
+        if self.shake_unknown:
             warn(
-                f"{output}: the camera's shake could not be measured in {shake_unknown} of "
-                f"{len(sets)} fields, which use their frames as recorded: it needs "
+                f"{output}: the camera's shake could not be measured in {self.shake_unknown} of "
+                f"{self.count} fields, which use their frames as recorded: it needs "
                 f"{LEAST_SIDE} px each way and {LEAST_VECTORS} vectors that all pairs have; "
                 "`shake = False` does not look for it"
             )
