@@ -36,7 +36,8 @@ def read_template(path: Path) -> tuple[dict[str, Any], list[str]]:
             lines = [line for line in text.splitlines() if not _EMPTY.match(line)]
             table = tomllib.loads("\n".join(lines))
     except (ValueError, RecursionError) as error:  # of an integer of 4,400 digits too
-        raise StageError(f"{path}: not valid TOML: {one_line(error, 200)}") from None
+        why = one_line(error, 200).partition("; use sys.")[0]  # advice for programmers
+        raise StageError(f"{path}: not valid TOML: {why}") from None
     inner: list[Any] = [table]
     for _ in range(_DEEPEST):
         values = (part.values() if isinstance(part, dict) else part for part in inner)
