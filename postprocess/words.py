@@ -41,7 +41,7 @@ def minus(number: str) -> str:
 
 
 def three_digits(value: float) -> str:
-    """Never with an exponent."""
+    """Write a number with three digits, never with an exponent."""
     if abs(value) >= 100:
         return f"{value:.0f}"
     return np.format_float_positional(float(f"{value:.3g}"), trim="-")

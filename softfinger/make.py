@@ -287,7 +287,7 @@ class _Lines:
         return len(text)
 
     def flush(self) -> None:
-        """Keep an unfinished line."""
+        """Do nothing: an unfinished line is kept until it ends."""
 
     def isatty(self) -> bool:
         return False

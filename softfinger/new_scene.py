@@ -186,7 +186,7 @@ def _placed(own: Own) -> dict[str, Any]:
 
 
 def _up(value: float, unit: float) -> float:
-    """The next multiple of `unit`."""
+    """Round a value up to a multiple of `unit`."""
     return round(math.ceil(round(value / unit, 6)) * unit, 6)
 
 

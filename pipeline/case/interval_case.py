@@ -73,7 +73,7 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
 
 
 def numbers_text(entries: dict[str, str]) -> str:
-    """The file system/numbers."""
+    """Return the text of the file system/numbers."""
     head = "// Every number of the case, from scene.toml; the stage solve writes it anew.\n"
     return head + "".join(f"{key:<23} {value};\n" for key, value in entries.items())
 

@@ -189,7 +189,7 @@ class Follower(KnownMotion):
         self._frames.write(time, now + ahead - self.nodes[self._first])
 
     def begin(self, time: float) -> None:
-        """The solver starts at `time` (s)."""
+        """Start the motion where the solver starts, at `time` (s)."""
         at = steps_of(time, self._run.step)
         self._catch_up(at)
         for path in self._samples.glob("*"):  # of a killed run

@@ -32,7 +32,7 @@ class Silicone(NamedTuple):
 
     @property
     def shear_modulus(self) -> float:
-        """At small strains, Pa."""
+        """Shear modulus at small strains, Pa."""
         return self.parameters.get("mu", 2 * self.parameters.get("C10", 0.0))
 
 

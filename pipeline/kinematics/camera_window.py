@@ -107,6 +107,6 @@ def unseen_tip(camera: Camera, tip: ndarray) -> str:
 
 
 def _rounded_up(value: float) -> float:
-    """To two digits."""
+    """Round a number up to two digits."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 1)
     return float(f"{np.ceil(value / unit - 1e-9) * unit:.6g}")

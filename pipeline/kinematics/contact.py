@@ -151,7 +151,7 @@ def closing_summary(time: ndarray, gaps: ndarray, pinch: Pinch) -> dict[str, flo
 
 
 def closing_sentence(summary: dict[str, float]) -> str:
-    """The summary in a sentence."""
+    """Say in a sentence when and how fast the fingers close."""
     least = (
         f"least gap {summary['least_gap'] * 1e3:.3f} mm,"
         f" closing ≤ {summary['peak_closing_speed']:.3f} m/s"

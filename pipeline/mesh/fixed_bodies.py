@@ -28,7 +28,7 @@ class FixedBody:
 
     @property
     def polygon(self) -> shapely.Polygon:
-        """The footprint."""
+        """Return the footprint of the body."""
         return shapely.Polygon(np.vstack(self.pieces))
 
 

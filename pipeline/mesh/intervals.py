@@ -38,7 +38,7 @@ class Part:
 
     @property
     def middle(self) -> float:
-        """Where its planform is built."""
+        """Deformation at which the planform is built."""
         return 0.5 * (self.low + self.high)
 
 

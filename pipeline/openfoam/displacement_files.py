@@ -43,7 +43,7 @@ class Steps(NamedTuple):
 
     @classmethod
     def of(cls, begin: float, end: float, time_step: float) -> "Steps":
-        """Those from `begin` to `end` (s)."""
+        """Return the frames from `begin` to `end` (s)."""
         first, last = steps_of(begin, time_step), steps_of(end, time_step)
         return cls(first, time_step * np.arange(first, last + PADDING + 1))
 

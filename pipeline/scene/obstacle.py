@@ -104,7 +104,7 @@ class Obstacle(Section):
 
     @property
     def polygon(self) -> shapely.Polygon:
-        """Its section by the sheet."""
+        """Section of the obstacle by the sheet."""
         if self.shape == "circle":
             return shapely.Polygon(self.pieces[0])
         if self.shape == "box":
@@ -117,7 +117,7 @@ class Obstacle(Section):
         return np.array(self.centre)
 
     def half_depth(self, tank_depth: float) -> float:
-        """Reach in |z|, m."""
+        """Half of the extent along z, m."""
         return 0.5 * (self.depth or tank_depth)
 
 

@@ -48,7 +48,7 @@ class KnownMotion:
                 pass
 
     def begin(self, time: float) -> None:
-        """The solver starts at `time` (s)."""
+        """Start the motion where the solver starts, at `time` (s)."""
 
     def answer(self, time: float, alive: Callable[[], bool]) -> None:
         """The solver has computed the step that ends at `time` (s)."""

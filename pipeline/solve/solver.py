@@ -64,7 +64,7 @@ class Watchdog:
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def reset(self) -> None:
-        """The solver has written a line."""
+        """Count the silence from now: the solver has written a line."""
         self._quiet = 0.0
 
     def _watch(self) -> None:

@@ -215,7 +215,7 @@ def motion(
 
 
 def past(number: int) -> NDArray[np.intp]:
-    """The number of a time and those before it that its rates need, latest first, from rest."""
+    """Return the numbers of a time and of those before it that its rates need, latest first."""
     return np.maximum(number - np.arange(EARLIER + 1), 0)
 
 

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Make or apply."""
+    """Make a calibration, or apply one to files."""
     wanted = (
         ".json" if args.apply is None else ".h5" if args.vectors else args.output.suffix.lower()
     )

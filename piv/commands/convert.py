@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Convert."""
+    """Convert vectors from one format to another."""
     plane = read_vectors(
         args.input,
         kind=args.kind,

@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Read, derive and write in parts."""
+    """Derive quantities of a series part by part, and write them."""
     with open_vectors(args.source) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
         options = {"scheme": args.scheme, "correlation_length": length}

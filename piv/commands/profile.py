@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Every instant below the other."""
+    """Write the profiles of all instants, one below the other."""
     if args.line and args.radius:
         raise ValueError("--radius belongs to --around; leave it out of a line")
     with open_vectors(args.source) as series:

@@ -113,7 +113,7 @@ def _groups_of(
 
 
 def quantity(args: argparse.Namespace, series: xr.Dataset) -> ndarray:
-    """What --by names, at each instant."""
+    """Return the quantity that --by names, at each instant."""
     if args.table is not None:
         names = ["time", args.by]
         time, values = read_columns(args.table, names, None).numbers(names).T

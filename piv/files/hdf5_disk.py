@@ -29,14 +29,14 @@ class Disk(io.RawIOBase):
         self._failure: BaseException | None = None
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """As of any file."""
+        """Behave as the method of any file does."""
         self._position = offset + {os.SEEK_CUR: self._position, os.SEEK_END: self._end}.get(
             whence, 0
         )
         return self._position
 
     def tell(self) -> int:
-        """As of any file."""
+        """Behave as the method of any file does."""
         return self._position
 
     def readinto(self, buffer: Any) -> int:

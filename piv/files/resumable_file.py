@@ -78,7 +78,7 @@ class ResumableFile:
         raise NotImplementedError
 
     def axis(self, name: str, values: Any, units: str = "1") -> None:
-        """Create a coordinate."""
+        """Create the variable of a coordinate."""
         axis = self._file.create_dataset(name, data=values)
         axis.make_scale(name)
         axis.attrs["units"] = units

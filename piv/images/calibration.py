@@ -239,7 +239,7 @@ _IN_SI = {
 
 
 def _scaled(plane_px: xr.Dataset, calibration: Calibration, interval: float) -> xr.Dataset:
-    """Every variable in SI by its unit."""
+    """Convert every variable to SI by its unit."""
     pixel = calibration.pixel
     plane = plane_px.copy()
     for axis, origin in zip("xy", calibration.origin_px, strict=True):

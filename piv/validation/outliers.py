@@ -86,7 +86,7 @@ def _deviation(values, median):
 
 @fast
 def _block(field, usable, j, first, radius, epsilon, network, near, absent, median, spread, total):
-    """Add the squared normalised residual of a block of row j to `total`; its medians.
+    """Add the squared normalised residual of a block of row j to `total`, and store its medians.
 
     Arrays are padded by `radius`.
     """

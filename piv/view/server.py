@@ -31,15 +31,15 @@ class _Answers:
         self.tried: Any = None  # vectors of other settings, shown in place of those of the file
 
     def about(self) -> Any:
-        """The session."""
+        """Describe the session to the page."""
         return answers.about(self.session, str(self.output))
 
     def image(self, step: int, second: int, low: float, high: float) -> bytes:
-        """A frame as PNG."""
+        """Return a frame as PNG."""
         return self.session.image(step, second == 1, low, high)
 
     def field(self, step: int) -> Any:
-        """The vectors of a step."""
+        """Return the vectors of a step."""
         self.tried = None
         return answers.field(self.session.plane(step))
 
@@ -52,15 +52,15 @@ class _Answers:
         return self.tried if self.tried is not None else self.session.plane(step)
 
     def vortices(self, step: int) -> Any:
-        """The vortices of what is shown."""
+        """Return the vortices of the vectors that are shown."""
         return answers.vortices(self._shown(step))
 
     def inside(self, step: int, polygon: list) -> Any:
-        """Circulation and means of an area."""
+        """Return circulation and means over an area."""
         return answers.inside(self._shown(step), polygon)
 
     def profile(self, step: int, line: list) -> Any:
-        """Velocities along a line."""
+        """Return the velocities along a line."""
         return answers.profile(self._shown(step), line)
 
     def save(self, kept: dict[str, list], roi: list[float] | None) -> Any:

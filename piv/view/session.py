@@ -44,7 +44,7 @@ class Session:
 
     @property
     def unit(self) -> str:
-        """Of the coordinates: px or m."""
+        """Unit of the coordinates: px or m."""
         return "px" if self.series is None else str(self.series["x"].attrs.get("units", "m"))
 
     @cached_property

@@ -25,7 +25,7 @@ def _paired_tips(part: Part) -> pd.DataFrame:
 
 
 def _known_pairs(part: Part) -> pd.DataFrame:
-    """Those of which both circulations are known."""
+    """Return the pairs of which both circulations are known."""
     rows = _paired_tips(part)
     return rows[tracks.known(rows, "_0") & tracks.known(rows, "_1")]
 

@@ -179,7 +179,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
-    """Stage compare."""
+    """Run the stage compare."""
     files = StageFiles(scene)
     result = compare(files)
     if quiet:

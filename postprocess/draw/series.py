@@ -61,7 +61,9 @@ def over_time(
     middle: tuple[float, float] | None = None,
     met: float | None = None,
 ) -> Figure:
-    """One panel below the other; `middle`: of the stroke, shaded; `met`: contact of two fingers, s.
+    """Draw one panel below the other.
+
+    middle: of the stroke, which is shaded; met: contact of two fingers (s).
 
     No axis is set by a spike of a few instants, as of a solver's first steps.
     """

@@ -56,7 +56,7 @@ class Part:
         return rows / max(int(np.count_nonzero((times >= start) & (times <= end))), 1)
 
     def words(self) -> str:
-        """The window, for a message."""
+        """Describe the window for a message."""
         return f"between {self.window[0]:.3f} and {self.window[1]:.3f} s"
 
 

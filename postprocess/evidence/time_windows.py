@@ -26,7 +26,7 @@ class Window:
     stroke: int = 0
 
     def words(self) -> str:
-        """The window as a reader needs it."""
+        """Describe the window to a reader."""
         a, b = self.edges
         return {
             "bend": f"{100 * a:.0f} to {100 * b:.0f} % of the bend",

@@ -127,7 +127,7 @@ def print_figures(files: StageFiles) -> Path:
 
 
 def run(scene: Scene, quiet: bool = False, threads: int = 1) -> None:
-    """Stage figures."""
+    """Run the stage figures."""
     files = StageFiles(scene)
     entries = make_figures(files, threads)
     if not quiet:

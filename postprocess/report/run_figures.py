@@ -15,7 +15,7 @@ from postprocess.report.wording import balance_sentence
 
 
 def energy_figure(album: Album, out: Path) -> None:
-    """Where the finger's work goes."""
+    """Draw where the finger's work goes."""
     balance = RUN.read(out / "run/run.json")["power_balance"]
     tables = POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
     alt = "Work of the finger over time, and what it has become, stacked."

@@ -136,5 +136,5 @@ def outcome(scene: Scene) -> tuple[str, str]:
 
 
 def run(scene: Scene, quiet: bool = False) -> None:
-    """Stage report."""
+    """Run the stage report."""
     make_report(StageFiles(scene))

@@ -96,7 +96,7 @@ def _costs(files: StageFiles, fresh: list[str]) -> dict[str, float]:
 
 
 def _solver(files: StageFiles) -> dict[str, Any]:
-    """Size, steps, largest force, impulse until the end, and the parts of the work, of run/."""
+    """Read size, steps, largest force, impulse and the parts of the work from a run/ folder."""
     path = files.optional("run/run.json")
     if path is None:
         return {}
@@ -172,7 +172,7 @@ def _vortex(files: StageFiles, fresh: list[str]) -> dict[str, Any]:
 
 
 def _outcome(out: Path) -> dict[str, Any]:
-    """How a run that may fail ended."""
+    """Say how a run that may fail ended."""
     record = read_record(out, "outcome") or {}
     return {key: record[key] for key in ("ended", "stopped_at_s", "reason") if key in record}
 
