@@ -19,15 +19,15 @@ from piv.files.provenance import versions
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.causes import check_fit, draw_fit
-from postprocess.lab.clock import check_rate, onset
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
 from postprocess.lab.flow import flow_effects
-from postprocess.lab.inputs_toml import NUMERICS, Finer, Input, read_inputs
-from postprocess.lab.level import level_windows
+from postprocess.lab.inputs import Input, level_windows, read_inputs
 from postprocess.lab.motion import (
     Comparison,
     Effect,
+    check_rate,
     difference,
+    onset,
     over_bend,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
@@ -44,7 +44,7 @@ from postprocess.report.trust import level_error
 from softfinger.make import Machine, make
 from softfinger.sheets import make_sheet
 
-PLANES = 42  # of a run that varies an input: its effect changes slowly
+PLANES = 84  # of a run that varies an input: its effect changes slowly
 TO_SOLVE = ("kinematics", "mesh", "case", "solve")
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
 SEED = 1  # of the registration's samples
@@ -69,7 +69,7 @@ def compare_with(
     if quick and run.scene.coupled:
         raise StageError("--quick solves nothing, and COUPLED=1 needs a run; leave one of them out")
     scene, labs = run.scene, run.out / "lab"
-    beside: list[Input | Finer] = [*read_inputs(scene.folder), *NUMERICS]
+    beside = read_inputs(scene.folder)
     names = [dpiv.folder.resolve().name for dpiv in dpivs]
     if len(set(names)) < len(names):
         raise StageError(f"DPIV: two folders have one name ({', '.join(names)}); rename one")
@@ -80,7 +80,7 @@ def compare_with(
         motion = scene.motion_folder / "kinematics.h5"
         kinematics = read_kinematics(motion)
         kinematics = over_bend(kinematics) if scene.coupled else kinematics
-        runs = _beside(run, beside if inputs else [], machine)
+        runs = _beside(run, beside if inputs else (), machine)
         cases, levels = [], level_windows([scene.folder, *scene.parents], _plane(run))
         for dpiv, name in zip(dpivs, names, strict=True):
             bend_std = _fea_band(dpiv, kinematics, motion)
@@ -129,8 +129,8 @@ def _plane(run: Run) -> bool:
 
 
 def _beside(
-    run: Run, beside: list[Input | Finer], machine: Machine
-) -> dict[str, tuple[Input | Finer, Run]]:
+    run: Run, beside: tuple[Input, ...], machine: Machine
+) -> dict[str, tuple[Input, Run]]:
     """The runs beside the nominal one, by name, with their kinematics made."""
     runs = {}
     for of in beside:
@@ -238,7 +238,7 @@ def _with_flow(
         make(one, "solve", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
     sheets = {of: one.out / name for of, one in runs.items()}
-    return replace(case, flow=sides, effects=flow_effects(case, sides, sheet, sheets))
+    return replace(case, flow=sides, effects=flow_effects(case, sides, sheets))
 
 
 def _plan(runs: dict[str, Run], ranks: int) -> str:

@@ -29,7 +29,7 @@ from piv.formats.recording import RecordingWriter
 from piv.vortices.find import VortexSettings
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence.tip_vortex import dominant_track, of_disc
-from postprocess.lab.level import EMPTY
+from postprocess.lab.inputs import EMPTY
 from postprocess.lab.page import answer
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import AGREES, DIFFERS, ERROR

@@ -1,7 +1,7 @@
-"""Circulation and centre of the tip vortex at the instants that tell most.
+"""Circulation and centre of the tip vortex, at the instants that tell most of each.
 
-While the vortex is smaller than an interrogation window, PIV takes a large share off it. The
-virtual experiment shows that share, and the comparison begins where it costs least.
+While the vortex is smaller than an interrogation window, PIV takes a large share off it, and a
+level's own error grows with time. The comparison is made where both together cost least.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from piv.files.errors import StageError
 from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
-from postprocess.lab.level import level_uncertainty
+from postprocess.lab.inputs import level_uncertainty
 from postprocess.lab.motion import Comparison, Effect
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
@@ -28,24 +28,23 @@ COLUMNS = ("circulation", "x", "y")
 
 
 class Measured(NamedTuple):
-    """A quantity of the flow: its columns of a table, unit and label, and its size.
+    """A quantity of the flow: its columns of a table, its unit and label.
 
-    `power`: of the scale, with which its values go; 0: a place. `lasts`: compared at all instants
-    from one on, in place of a third of them.
+    `power`: of the scale, with which its values go; 0: a place.
     """
 
-    columns: tuple[str, ...]
+    columns: list[str]
     unit: str
     label: str
     power: int
-    lasts: bool
 
 
 QUANTITIES = {
-    "circulation": Measured(("circulation",), "m²/s", "circulation of the tip vortex", 2, True),
-    "centre": Measured(("x", "y"), "m", "centre of the tip vortex", 0, False),
+    "circulation": Measured(["circulation"], "m²/s", "circulation of the tip vortex", 2),
+    "centre": Measured(["x", "y"], "m", "centre of the tip vortex", 0),
 }
-FEWEST, LEAST = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
+FEWEST, PART = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
+MOST = 42  # instants of a run that varies an input: its effect changes slowly
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
 # it may differ by as much
 UNLIKE = 1 / 3
@@ -77,37 +76,36 @@ def measure(
 
 
 def tables(case: Comparison, sides: Sides) -> dict[str, pd.DataFrame]:
-    """`measure` of every side."""
+    """`measure` of every side, and the simulation at the recording's own motion ("corrected")."""
     named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
     # without pictures the vectors of all sides, since programs mask the body differently
     seen = case.registration.times.size > 0 or np.logical_and.reduce(
         [usable(plane).values for plane in named.values()]
     )
     pose = case.registration.pose
-    return {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
+    out = {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
+    out["corrected"] = out["virtual"].copy()
+    for e in case.of_motion:
+        out["corrected"][[*COLUMNS]] += e.share * e.table[[*COLUMNS]].to_numpy()
+    return out
 
 
-def flow_effects(
-    case: Comparison, sides: Sides, nominal: xr.Dataset, sheets: dict[str, Path]
-) -> list[Effect]:
+def flow_effects(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> list[Effect]:
     """The effects with what each run changes of the flow, seen through this recording's pose.
 
-    `nominal`: sheet of the run itself; `sheets`: those of the others, by name.
+    `sheets`: those of the runs, by name.
     """
     pose, times = case.registration.pose, sides.direct["time"].values
-    x, y = (sides.direct[axis].values for axis in ("x", "y"))
-    measured: dict[bytes, pd.DataFrame] = {}
-    effects = []
+    some = slice(None, None, -(-times.size // MOST))
+    x, y, at = sides.direct["x"].values, sides.direct["y"].values, times[some]
+    ours, effects = measure(sides, pose, sides.direct.isel(time=some), "direct"), []
     for effect in case.effects:
         with read_plane(sheets[effect.of.name]) as opened:
             sheet = opened.load()
-        at = sheet["time"].values  # of a run with another end or rate other instants
-        at = at[(at >= nominal["time"].values[0]) & (at <= nominal["time"].values[-1])]
-        run = measure(sides, pose, camera_series(sheet, pose, x, y, at), effect.of.name)
-        if at.tobytes() not in measured:
-            seen = camera_series(nominal, pose, x, y, at)
-            measured[at.tobytes()] = measure(sides, pose, seen, "direct")
-        change = (run - measured[at.tobytes()])[list(COLUMNS)]
+        # of a run that ends earlier, its end
+        seen = camera_series(sheet, pose, x, y, np.clip(at, *sheet["time"].values[[0, -1]]))
+        run = measure(sides, pose, seen.assign_coords(time=at), effect.of.name)
+        change = (run - ours)[[*COLUMNS]]
         known = change["circulation"].notna()
         table = {
             n: np.interp(times, at[known], v[known], np.nan, np.nan) for n, v in change.items()
@@ -128,32 +126,10 @@ def known_instants(case: Comparison, measured: dict[str, pd.DataFrame]) -> np.nd
     return seen
 
 
-def compared_instants(
-    case: Comparison,
-    measured: dict[str, pd.DataFrame],
-    at: np.ndarray,
-    quantity: Measured,
-    random: np.ndarray,
-    window_s: float,
-) -> np.ndarray:
-    """The instants of `at` that tell most of a quantity: those of least predicted uncertainty.
-
-    That is what PIV changes of it, `random`, the vectors' scatter (component,), and the effect of
-    the numerics. A circulation lasts; of a place a third of the instants, since errors of a path
-    grow.
-    """
-    columns, least = quantity.columns, max(FEWEST, int(LEAST * at.size))
-    times, names = measured["data"]["time"].to_numpy(), list(columns)
-    changed = (measured["virtual"] - measured["direct"])[names].to_numpy(float)
-
-    def predicted(rows: np.ndarray) -> float:
-        noise = random / np.sqrt(independent_instants(times[rows], window_s))
-        parts = [UNLIKE * np.mean(np.abs(changed[rows]), axis=0), noise]
-        return float(np.linalg.norm([*parts, *(e.std(columns, rows) for e in case.finer)]))
-
-    starts = range(at.size - least + 1)
-    ends = (None if quantity.lasts else k + least for k in starts)
-    return min((at[k:end] for k, end in zip(starts, ends, strict=True)), key=predicted)
+def level_std(case: Comparison, name: str, times: np.ndarray, scale: float) -> float:
+    """Standard uncertainty of a quantity of a `scale` by the level's own error; 0: not known."""
+    during = float(times[0]), float(times[-1])
+    return scale * level_uncertainty(case.levels, case.level, during).get(name, 0.0)
 
 
 def independent_instants(times: np.ndarray, window_s: float) -> float:
@@ -169,75 +145,96 @@ def independent_instants(times: np.ndarray, window_s: float) -> float:
 def flow_quantities(
     case: Comparison, sides: Sides, measured: dict[str, pd.DataFrame]
 ) -> list[ValidatedQuantity]:
-    """The quantities with all their sources, as means over the instants that tell most.
+    """The quantities with all their sources, as means over a part of the instants.
 
-    S is the simulation seen by PIV, with what finer runs and the recording's own motion change.
+    S is the simulation seen by PIV, with what the recording's own motion changes.
     """
-    registration, out, at = case.registration, [], known_instants(case, measured)
-    data, clock = measured["data"].loc[at], sides.direct["time"].values
+    at = known_instants(case, measured)
+    data = measured["data"].loc[at]
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
-    window_s = sides.window_m / float(speed)
+    window_s, out = sides.window_m / float(speed), []
     for name, one in QUANTITIES.items():
-        columns = one.columns
-        # what grid and masks hide is alike on both sides, which are seen through the same windows
-        random = [f"{column}_random_std" for column in columns]
-        ours_std, theirs_std = (
-            np.sqrt((measured[side].loc[at, random] ** 2).mean().to_numpy(float))
-            for side in ("virtual", "data")
-        )
-        variance = ours_std**2 + theirs_std**2
-        rows = compared_instants(case, measured, at, one, np.sqrt(variance), window_s)
-        times = clock[rows]
-        alike = independent_instants(times, window_s)
-        ours, direct, theirs = (
-            measured[side].loc[rows, list(columns)].to_numpy(float)
-            for side in ("virtual", "direct", "data")
-        )
-        excess = excess_scatter(times, ours - theirs, variance)
-        value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
-        if one.power:
-            seat = one.power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
-        else:
-            turn = place_jacobian(registration.pose, value)
-            seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
-        scale = case.kinematics.tip_width if name == "centre" else float(abs(value[0]))
-        moved, finer = corrections(case, columns, rows)
-        how = f"{alike:.1f} of {times.size} instants count as independent"
-        of_piv = "a third of what PIV changes of the simulation: the other flow may be unlike"
-        sources = [
-            *run_sources(case, columns, rows),
-            Source("vectors", "data", np.sqrt(variance / alike), how),
-            Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
-            Source("pose", "data", seat, POSTERIOR),
-            Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
-            Source("PIV", "data", UNLIKE * np.abs((ours - direct).mean(axis=0)), of_piv),
-        ]
-        if moved is not None:
-            linear = LINEAR * np.abs(moved)
-            sources.append(Source("correction", "input", linear, "of what the motion changes"))
-        window = float(times[0]), float(times[-1])
-        level = level_uncertainty(case.levels, case.level, window)
-        if name in level:
-            std = np.full(len(columns), level[name] * scale / np.sqrt(len(columns)))
-            sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
-        quantity = ValidatedQuantity(
-            name,
-            one.label,
-            one.unit,
-            ours.mean(axis=0) + sum(part for part in (moved, finer) if part is not None),
-            value,
-            scale,
-            sources,
-            moved,
-            finer,
-            window,
-        )
-        known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
-        quantity.instant["simulation"] = np.linalg.norm(known, axis=0)
-        known = theirs_std, excess, quantity.u_kind("data")
-        quantity.instant["data"] = np.linalg.norm(known, axis=0)
-        out.append(quantity)
+        tip = case.kinematics.tip_width
+        scale = tip if name == "centre" else float(data["circulation"].abs().mean())
+        rows = compared_instants(case, measured, at, name, scale)
+        scale = tip if name == "centre" else abs(float(data.loc[rows, "circulation"].mean()))
+        out.append(_quantity(case, measured, at, rows, name, one, scale, window_s))
     return out
+
+
+def compared_instants(
+    case: Comparison, measured: dict[str, pd.DataFrame], at: np.ndarray, name: str, scale: float
+) -> np.ndarray:
+    """The third of the instants `at` at which PIV and the level change a quantity least."""
+    columns, size = QUANTITIES[name].columns, max(FEWEST, int(PART * at.size))
+    times = measured["data"]["time"].to_numpy()
+    changed = (measured["virtual"] - measured["direct"])[columns].to_numpy(float)
+
+    def predicted(rows: np.ndarray) -> float:
+        seen = UNLIKE * np.linalg.norm(np.mean(np.abs(changed[rows]), axis=0))
+        return float(np.hypot(seen, level_std(case, name, times[rows], scale)))
+
+    return min((at[k : k + size] for k in range(at.size - size + 1)), key=predicted)
+
+
+def _quantity(
+    case: Comparison,
+    measured: dict[str, pd.DataFrame],
+    at: np.ndarray,
+    rows: np.ndarray,
+    name: str,
+    one: Measured,
+    scale: float,
+    window_s: float,
+) -> ValidatedQuantity:
+    """One quantity over the instants `rows` of those `at` which all sides know."""
+    registration, columns = case.registration, one.columns
+    times = measured["data"].loc[rows, "time"].to_numpy()
+    ours, direct, theirs = (
+        measured[side].loc[rows, columns].to_numpy(float) for side in ("virtual", "direct", "data")
+    )
+    # what grid and masks hide is alike on both sides, which are seen through the same windows
+    random = [f"{column}_random_std" for column in columns]
+    ours_std, theirs_std = (
+        np.sqrt((measured[side].loc[at, random] ** 2).mean().to_numpy(float))
+        for side in ("virtual", "data")
+    )
+    variance, alike = ours_std**2 + theirs_std**2, independent_instants(times, window_s)
+    excess = excess_scatter(times, ours - theirs, variance)
+    value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
+    if one.power:
+        seat = one.power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+    else:
+        turn = place_jacobian(registration.pose, value)
+        seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
+    how = f"{alike:.1f} of {times.size} instants count as independent"
+    of_piv = "a third of what PIV changes of the simulation: the other flow may be unlike"
+    sources = [
+        *run_sources(case, columns, rows),
+        Source("vectors", "data", np.sqrt(variance / alike), how),
+        Source("scatter", "data", excess / np.sqrt(alike), "of E beyond that of the vectors"),
+        Source("pose", "data", seat, POSTERIOR),
+        Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
+        Source("PIV", "data", UNLIKE * np.abs((ours - direct).mean(axis=0)), of_piv),
+    ]
+    moved = None
+    if case.of_motion:
+        moved = np.sum([e.share * e.moves(columns, rows) for e in case.of_motion], axis=0)
+        linear = LINEAR * np.abs(moved)
+        sources.append(Source("correction", "input", linear, "of what the motion changes"))
+    if (level := level_std(case, name, times, scale)) > 0:
+        std = np.full(len(columns), level / np.sqrt(len(columns)))
+        sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
+    simulation = ours.mean(axis=0) + (0.0 if moved is None else moved)
+    during = float(times[0]), float(times[-1])
+    quantity = ValidatedQuantity(
+        name, one.label, one.unit, simulation, value, scale, sources, moved, during
+    )
+    known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
+    quantity.instant["simulation"] = np.linalg.norm(known, axis=0)
+    known = theirs_std, excess, quantity.u_kind("data")
+    quantity.instant["data"] = np.linalg.norm(known, axis=0)
+    return quantity
 
 
 def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -264,8 +261,8 @@ def place_jacobian(pose: Pose, place: np.ndarray) -> np.ndarray:
     return np.column_stack([shift, [arm[1], -arm[0]], -arm])
 
 
-def run_sources(case: Comparison, columns: tuple[str, ...], rows: np.ndarray) -> list[Source]:
-    """Uncertainty of inputs and numerics by the runs beside the nominal one.
+def run_sources(case: Comparison, columns: list[str], rows: np.ndarray) -> list[Source]:
+    """Uncertainty of the inputs by the runs beside the nominal one.
 
     Where the recording shows the motion, how well it is known takes the place of the inputs of the
     motion. Else the FEA's band of the bend counts as the pressure that bends as much.
@@ -274,7 +271,7 @@ def run_sources(case: Comparison, columns: tuple[str, ...], rows: np.ndarray) ->
     for e in case.effects:
         moves = np.abs(e.moves(columns, rows))
         if e.share is None:
-            sources.append(Source(e.of.name, e.of.kind, e.std(columns, rows), e.of.how))
+            sources.append(Source(e.of.name, "input", e.std(columns, rows), e.of.how))
         else:
             std = moves * e.share_std
             sources.append(Source(f"{e.of.name} as recorded", "data", std, POSTERIOR))
@@ -282,22 +279,3 @@ def run_sources(case: Comparison, columns: tuple[str, ...], rows: np.ndarray) ->
             std, how = moves * case.bend_std / abs(e.bend), "FEA's band, by the pressure's run"
             sources.append(Source("geometry and material", "input", std, how))
     return sources
-
-
-def corrections(
-    case: Comparison, columns: tuple[str, ...], rows: np.ndarray
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """What the recording's own motion, and finer numerics, add to S; None where not known."""
-    moved = [e.share * e.moves(columns, rows) for e in case.of_motion if e.share is not None]
-    finer = [e.moves(columns, rows) for e in case.finer]
-    return (np.sum(moved, axis=0) if moved else None, np.sum(finer, axis=0) if finer else None)
-
-
-def corrected(case: Comparison, table: pd.DataFrame) -> pd.DataFrame:
-    """A side's table at the recording's own motion, with finer numerics, at every instant."""
-    out = table.copy()
-    for e in case.effects:
-        share = 1.0 if e.of.kind == "numerical" else e.share
-        if share is not None and e.table is not None:
-            out[list(COLUMNS)] += share * e.table[list(COLUMNS)].to_numpy()
-    return out

@@ -1,34 +1,45 @@
-"""The finger's motion, simulated and recorded, and what other runs change of it.
+"""The finger's motion and clock, simulated and recorded, and what other runs change of it.
 
-Bend and duration are quantities of the comparison; the flow is judged at the recording's motion.
+Bend and duration are quantities of the comparison; the flow is judged at the recording's motion. A
+true stroke of another duration moves the water faster or slower by the same factor. Of a frame rate
+that is stated wrongly only the silhouettes change, since the interval within a pair is known.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import shapely
+import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from pipeline.formats.kinematics import SHAPE, Kinematics
 from piv.files.errors import StageError
+from piv.formats.plane_series import usable
 from postprocess.lab.fit_outline import law_pressure
-from postprocess.lab.inputs_toml import Finer, Input
-from postprocess.lab.level import EMPTY
+from postprocess.lab.inputs import EMPTY, Input
+from postprocess.lab.pose import camera_series
 from postprocess.lab.register import Registration
 from postprocess.lab.validation import POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
 
-QUANTITIES = (
-    ("final_bend", "bend angle at the end", "rad"),
-    ("duration", "duration of the stroke", "s"),
-)
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 INSTANTS = 801  # at which the bend is looked at
 BACK = 0.05  # of the largest bend, to the other side: beyond its shapes they go on straight
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
+NEAR = 0.012  # m from the finger: water that its motion drives
+FIRST_HALF = (0.05, 0.5)  # of the bend
+FEWEST = 4  # instants
+DELAYS = 400  # of vectors without a clock, that are tried
+# ln(ratio) over ln(stretch) is 0 for a true stroke and 1 for a wrong rate; the ratio of a sound
+# recording scatters by 3 %, so a smaller stretch cannot be told (docs/record/laboratory.md)
+RATE, LEAST_STRETCH = (0.6, 1.6), 0.08
+# of ln(ratio) over the stroke: standard deviation of a constant one, and its least size
+CONSTANT, CLEARLY = 0.07, 0.08
 
 
 @dataclass(frozen=True)
@@ -40,25 +51,22 @@ class Effect:
     motion differs, and its `share_std` by the registration; None where this is not known.
     """
 
-    of: Input | Finer
+    of: Input
     bend: float
     duration: float
     table: pd.DataFrame | None = None
     share: float | None = None
     share_std: float = 0.0
 
-    def moves(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
+    def moves(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
         """Mean change of `columns` over the instants `rows`, (component,)."""
         assert self.table is not None
-        return self.table.loc[rows, list(columns)].mean().to_numpy(float)
+        return self.table.loc[rows, columns].mean().to_numpy(float)
 
-    def std(self, columns: tuple[str, ...], rows: np.ndarray) -> np.ndarray:
-        """Standard uncertainty of the mean of `columns` over the instants `rows`, (component,).
-
-        By the change's RMS: where its sign changes, its mean is no small error.
-        """
+    def std(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
+        """Standard uncertainty of that mean, by the change's RMS: its sign may change."""
         assert self.table is not None
-        change = self.table.loc[rows, list(columns)].to_numpy(float)
+        change = self.table.loc[rows, columns].to_numpy(float)
         return self.of.per_change * np.sqrt(np.mean(change**2, axis=0))
 
 
@@ -67,7 +75,7 @@ class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `levels`: as
-    of `level.level_windows`, and the `level` that is compared.
+    of `inputs.level_windows`, and the `level` that is compared.
     """
 
     kinematics: Kinematics
@@ -77,11 +85,6 @@ class Comparison:
     effects: list[Effect] = field(default_factory=list)
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
-
-    @property
-    def finer(self) -> list[Effect]:
-        """The runs of finer numerics: what they change is added to the simulation."""
-        return [e for e in self.effects if e.of.kind == "numerical"]
 
     @property
     def of_motion(self) -> list[Effect]:
@@ -97,13 +100,9 @@ def final_bend(kinematics: Kinematics, factor: float = 1.0) -> float:
 
 def bend_done(kinematics: Kinematics, times: np.ndarray) -> np.ndarray:
     """Share of the simulation's largest change of bend that is done at times (n,) s."""
-
-    def moved(at: np.ndarray) -> np.ndarray:
-        bend = kinematics.bend(kinematics.law(np.append(kinematics.time[0], at)))
-        return np.abs(bend[1:] - bend[0])
-
-    whole = moved(np.linspace(*kinematics.time, INSTANTS))
-    return np.asarray(moved(np.clip(times, *kinematics.time)) / whole.max())
+    at = [np.linspace(*kinematics.time, INSTANTS), np.clip(times, *kinematics.time)]
+    whole, here = (kinematics.bend(kinematics.law(t)) for t in at)
+    return np.asarray(np.abs(here - whole[0]) / np.abs(whole - whole[0]).max())
 
 
 def stroke_duration(kinematics: Kinematics) -> float:
@@ -164,12 +163,8 @@ def _motions(case: Comparison) -> np.ndarray:
     factor, _, stretch = law.values
     seen, lasts = final_bend(kinematics, factor), stroke_duration(kinematics)
     slope = abs(final_bend(kinematics, factor + 0.01) - seen) / 0.01
-    return np.array(
-        [
-            [final_bend(kinematics), seen, slope * law.std("factor")],
-            [lasts, lasts * stretch, lasts * law.std("stretch")],
-        ]
-    )
+    bend = [final_bend(kinematics), seen, slope * law.std("factor")]
+    return np.array([bend, [lasts, lasts * stretch, lasts * law.std("stretch")]])
 
 
 def at_recorded_motion(case: Comparison) -> Comparison:
@@ -195,10 +190,13 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
     """Final bend angle and duration of the stroke; none where the recording does not show them."""
     if case.registration.times.size == 0:
         return []
-    inputs, out = [e for e in case.effects if e.of.kind == "input"], []
-    for (name, label, unit), (simulated, seen, std) in zip(QUANTITIES, _motions(case), strict=True):
+    out, (bend, lasts) = [], _motions(case)
+    for name, label, unit, (simulated, seen, std) in (
+        ("final_bend", "bend angle at the end", "rad", bend),
+        ("duration", "duration of the stroke", "s", lasts),
+    ):
         sources = [Source("silhouette", "data", np.array([std]), POSTERIOR)]
-        for e in inputs:
+        for e in case.effects:
             change = e.bend if name == "final_bend" else e.duration
             part = np.array([abs(change) * e.of.per_change])
             sources.append(Source(e.of.name, "input", part, e.of.how))
@@ -208,3 +206,84 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
         both = np.array([simulated]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out
+
+
+def speed_ratios(case: Comparison, sides: Sides, part: tuple[float, float]) -> np.ndarray:
+    """ln of the recording's water speed over the simulation's at equal phase in a part of the bend.
+
+    Over what the recording's motion makes of it: 0 of an equal flow; empty of fewer than `FEWEST`
+    instants.
+    """
+    factor, _, stretch = case.registration.law.values
+    phase = sides.data["time"].values / stretch
+    ours = np.interp(phase, sides.virtual["time"].values, near_speed(sides.virtual), np.nan, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        logs = np.log(near_speed(sides.data) / ours * stretch / factor)
+    done = bend_done(case.kinematics, phase)
+    logs = logs[(done >= part[0]) & (done <= part[1]) & np.isfinite(logs)]
+    return logs if logs.size >= FEWEST else np.empty(0)
+
+
+def near_speed(plane: xr.Dataset) -> np.ndarray:
+    """RMS speed (m/s) of the water within `NEAR` of the finger at each instant; NaN of none."""
+    points = shapely.points(*np.meshgrid(plane["x"].values, plane["y"].values))
+    near = usable(plane).values.copy()
+    for seen, outlines in zip(near, plane["outline"].values, strict=True):
+        bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in outlines])
+        shapely.prepare(bodies)
+        seen &= shapely.dwithin(bodies, points, NEAR)
+    square = np.where(near, plane["u"].values ** 2 + plane["v"].values ** 2, 0.0)
+    count = near.sum(axis=(1, 2))
+    return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
+
+
+def check_rate(case: Comparison, sides: Sides, paired: bool, path: Path) -> None:
+    """StageError that names frame_rate_hz of `path` where the water contradicts it.
+
+    Of pictures that are no pairs the interval is wrong as well, and nothing shows it.
+    """
+    law = case.registration.law
+    if not paired or case.registration.times.size == 0:
+        return
+    away, logs = float(np.log(law.values[2])), speed_ratios(case, sides, FIRST_HALF)
+    least = max(3 * law.std("stretch") / law.values[2], LEAST_STRETCH)
+    if abs(away) > least and logs.size and RATE[0] < np.median(logs) / away < RATE[1]:
+        raise StageError(
+            f"{path}: frame_rate_hz is about {np.exp(-away):.2f} times the true one: the finger"
+            f" seems to take {np.exp(away):.2f} times as long as the simulation's, and the water"
+            " beside it moves as fast as the simulation's; write the pairs of pictures per second"
+        )
+
+
+def constant_ratio(case: Comparison, sides: Sides) -> float | None:
+    """The factor by which all water moves at every instant of the stroke; None of another flow."""
+    if case.registration.times.size == 0:
+        return None
+    logs = speed_ratios(case, sides, PARTS)
+    if logs.size and abs(np.median(logs)) > CLEARLY and np.std(logs) < CONSTANT:
+        return float(np.exp(np.median(logs)))
+    return None
+
+
+def onset(registration: Registration, plane: xr.Dataset, sheet: xr.Dataset) -> Registration:
+    """The registration of vectors (`lab_vectors`) with the delay that their speed shows.
+
+    Least squares of the RMS speed over time by the simulation's times a free factor.
+    """
+    pose, clock, times = registration.pose, sheet["time"].values, plane["time"].values
+    x, y = (plane[n].values * pose.pixel for n in ("x", "y"))
+    ours, theirs = (
+        np.sqrt(np.nanmean(one["u"].values ** 2 + one["v"].values ** 2, axis=(1, 2)))
+        for one in (camera_series(sheet, pose, x, y, clock), plane)
+    )
+    delays = np.linspace(times[0] - clock[-1], times[-1] - clock[0], DELAYS)[1:-1]
+    seen = np.interp(times - delays[:, None], clock, ours)
+    rest = theirs - seen * (seen @ theirs / np.sum(seen**2, axis=1).clip(1e-30))[:, None]
+    left = np.sum(rest**2, axis=1)
+    best = int(np.clip(np.argmin(left), 1, delays.size - 2))
+    step = delays[1] - delays[0]
+    bend = max((left[best - 1] - 2 * left[best] + left[best + 1]) / step**2, 1e-30)
+    variance = 2 * left[best] / max(times.size - 2, 1) / bend + step**2 / 12
+    values, covariance = np.array([1.0, delays[best], 1.0]), np.diag([0.0, variance, 0.0])
+    law = replace(registration.law, values=values, covariance=covariance)
+    return replace(registration, law=law)

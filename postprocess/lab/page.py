@@ -8,14 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
+from pipeline.formats.kinematics import Kinematics
 from piv.files.atomic import write_bytes, write_text
+from piv.formats.plane_series import usable
 from postprocess.draw.animation import write_picture
-from postprocess.draw.style import save
-from postprocess.lab import draw
+from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
+from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure, save
 from postprocess.lab.causes import GREEN, ORANGE, outlined
 from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.pose import Pose
 from postprocess.lab.recorded import LabRecording
+from postprocess.lab.register import Registration
 from postprocess.lab.summary import Compared
 from postprocess.lab.validation import (
     AGREES,
@@ -28,6 +34,7 @@ from postprocess.lab.validation import (
     detectable_factor,
     joint_level,
 )
+from postprocess.lab.virtual_experiment import Sides
 from postprocess.report.page_template import page_template
 from postprocess.words import NBSP, pair, size
 
@@ -40,6 +47,14 @@ WORDS = {
     None: "not tested",
 }
 TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
+SIDES = {  # colour, line and name
+    "data": (LAB, "-", "laboratory (DPIV)"),
+    "virtual": (PIV, "-", "simulation, seen by the same PIV"),
+    "corrected": (PIV, "-", "simulation S: seen by the same PIV, at the recorded motion"),
+    "direct": (CFD, ":", "simulation, direct"),
+}
+K95, PER_CENT = 1.96, f"{NBSP}%"
+WORST = 20  # % of the fastest water: end of the scale of the differences
 
 
 def make_report(path: Path, title: str, compared: Compared, result: dict[str, Any]) -> Path:
@@ -59,14 +74,19 @@ def _why_then(compared: Compared, result: dict[str, Any]) -> str:
     changed, inside = ((seen - ours) / ours).abs(), series["time"].between(*window)
     peak = series["circulation_data"].abs().idxmax()
     return (
-        f"PIV changes the simulation's circulation by {100 * changed[peak]:.0f}{NBSP}% at the peak"
-        f" ({series['time'][peak]:.3f}{NBSP}s), and by {100 * changed[inside].mean():.0f}{NBSP}% on"
-        " average where it counts; the other parts are the vectors' scatter and the numerics."
+        f"PIV changes the simulation's circulation by {100 * changed[peak]:.0f}{PER_CENT} at the"
+        f" peak ({series['time'][peak]:.3f}{NBSP}s), and by {100 * changed[inside].mean():.0f}"
+        f"{PER_CENT} on average at the shaded instants."
     )
 
 
 def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str = "") -> str:
     """The page of a comparison; `pictures`: alternative text by file, `why` its instants."""
+
+    def address(path: Path) -> str:
+        coded = base64.b64encode(path.read_bytes()).decode()
+        return f"data:image/{TYPES[path.suffix]};base64,{coded}"
+
     return page_template("lab.html").render(
         title=title,
         result=result,
@@ -75,15 +95,11 @@ def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str
         pair=pair,
         size=size,
         relative=_relative,
-        pictures={path.stem: (_address(path), alt) for path, alt in pictures.items()},
+        pictures={path.stem: (address(path), alt) for path, alt in pictures.items()},
         registration=result["registration"],
         too_uncertain=TOO_UNCERTAIN,
         pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),
     )
-
-
-def _address(path: Path) -> str:
-    return f"data:image/{TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def _figures(folder: Path, compared: Compared, result: dict[str, Any]) -> dict[Path, str]:
@@ -94,15 +110,15 @@ def _figures(folder: Path, compared: Compared, result: dict[str, Any]) -> dict[P
     tight: dict[str, Any] = {"bbox_inches": "tight"}
     if series is not None and case.flow is not None:
         circulation = next(q for q in result["quantities"] if q["name"] == "circulation")
-        path = save(draw.series(series, circulation), folder / "series.svg", **tight)
+        path = save(_series(series, circulation), folder / "series.svg", **tight)
         out[path] = "Circulation over time with 95 % bands"
         path = folder / "flow.webp"
         middle = float(np.mean(circulation["window"]))
-        write_picture(draw.flow(case.flow, series, pose, middle), path, quality=85)
+        write_picture(_flow(case.flow, series, pose, middle), path, quality=85)
         out[path] = "Vectors of the recording beside the simulation's"
-        path = save(draw.difference(case.flow), folder / "difference.png", **tight)
+        path = save(_difference(case.flow), folder / "difference.png", **tight)
         out[path] = "Difference of the velocities at three instants"
-    path = save(draw.motion(kinematics, registration), folder / "motion.svg", **tight)
+    path = save(_motion(kinematics, registration), folder / "motion.svg", **tight)
     out[path] = "Bend angle over time, simulation and recording"
     if dpiv.kind == "pictures":
         with LabRecording(dpiv) as recording:
@@ -114,6 +130,80 @@ def _figures(folder: Path, compared: Compared, result: dict[str, Any]) -> dict[P
         write_bytes(path, outlined(picture, [(simulated, ORANGE), (fitted, GREEN)]))
         out[path] = "A picture of the recording with the outline as fitted and as simulated"
     return out
+
+
+def _series(table: pd.DataFrame, circulation: Quantity) -> Figure:
+    """Circulation over time with 95 % bands of each instant on both sides: D and S of the table."""
+    figure, ax = new_figure(8.8, 4.4)
+    instant, unit, time = circulation["instant"], 1e4, table["time"]
+    half = {"data": instant["data"][0], "corrected": instant["simulation"][0], "direct": 0.0}
+    for side, std in half.items():
+        colour, line, name = SIDES[side]
+        values = table[f"circulation_{side}"] * unit
+        ax.plot(time, values, line, color=colour, label=name)
+        off = K95 * std * unit
+        ax.fill_between(time, values - off, values + off, color=colour, alpha=0.2, lw=0)
+    ax.axvspan(*circulation["window"], color=SHADED, zorder=0)
+    ax.set(xlabel="time of the simulation, s", ylabel="circulation, cm²/s")
+    ax.set_title("Tip vortex (shaded: the instants compared); bands hold 95 % of each instant")
+    ax.legend(loc="best")
+    return figure
+
+
+def _motion(kinematics: Kinematics, registration: Registration) -> Figure:
+    """Bend angle over time: simulation, fitted law, and what single frames show."""
+    figure, ax = new_figure(8.8, 3.8)
+    law, times = registration.law, np.linspace(*kinematics.time, 200)
+    recorded = law_pressure(kinematics, times + law.delay, law.values)
+    for at, pressures, line, colour, name in (
+        (times, kinematics.law(times), "-", CFD, "simulation"),
+        (times, recorded, "-", LAB, "recording, fitted law"),
+        (registration.times - law.delay, registration.pressures, ".", GREY, "single pictures"),
+    ):
+        if at.size:
+            ax.plot(at, np.degrees(kinematics.bend(pressures)), line, color=colour, label=name)
+    found = f"factor {law.values[0]:.3f}, duration × {law.values[2]:.3f}"
+    ax.set(xlabel="time of the simulation, s", ylabel="bend angle, °")
+    ax.set_title(f"Motion of the finger ({found})")
+    ax.legend(loc="best")
+    return figure
+
+
+def _difference(sides: Sides) -> Figure:
+    """|u_S − u_D| over the fastest water of the recording, at a quarter, half and the end."""
+    figure, axes = new_figure(8.8, 3.3, 1, 3, sharey=True)
+    data, ours, count = sides.data, sides.virtual, sides.data.sizes["time"]
+    ok = usable(data).values & usable(ours).values
+    apart = np.hypot(*(ours[n].values - data[n].values for n in ("u", "v")))
+    x, y = (1e3 * data[n].values for n in ("x", "y"))
+    for ax, k in zip(axes, (count // 4, count // 2, count - 1), strict=True):
+        values = np.where(ok[k], 100 * apart[k] / _fastest(data), np.nan)
+        shade = ax.pcolormesh(x, y, values, vmin=0, vmax=WORST, cmap="YlOrBr", rasterized=True)
+        for plane, colour in ((data, LAB), (ours, PIV)):
+            for outline in plane["outline"].values[k]:
+                ax.plot(*(1e3 * np.vstack([outline, outline[:1]]).T), color=colour, lw=1)
+        ax.set(title=f"{data['time'].values[k]:.3f} s", xlabel="x, mm", aspect="equal")
+    axes[0].set_ylabel("y, mm")
+    figure.colorbar(shade, ax=list(axes), shrink=0.85, label="% of the fastest water", extend="max")
+    return figure
+
+
+def _fastest(plane: Any) -> float:
+    return float(np.nanquantile(np.hypot(plane["u"].values, plane["v"].values), 0.999))
+
+
+def _flow(sides: Sides, table: pd.DataFrame, pose: Pose, time: float) -> np.ndarray:
+    """Measured beside simulated vectors at the instant next to `time` (s), (row, column, RGB)."""
+    planes, vortices = {}, {}
+    for side, plane in (("data", sides.data), ("virtual", sides.virtual)):
+        columns = ("circulation", "x", "y", "radius")
+        track = table[[f"{name}_{side}" for name in columns]].set_axis(columns, axis=1)
+        track = track.assign(time=table["time"], track=0).dropna()
+        x, y = pose.to_camera(track[["x", "y"]].to_numpy()).T
+        name = SIDES[side][2]
+        planes[name], vortices[name] = plane, [track.assign(x=x, y=y)]
+    limit, view = vorticity_limit(sides.data, np.array([time])), view_limits(planes, vortices)
+    return flow_figure(planes, vortices, _fastest(sides.data), limit, view)(time)
 
 
 def answer(result: dict[str, Any]) -> str:
@@ -129,12 +219,13 @@ def answer(result: dict[str, Any]) -> str:
         parts.append(_cause_of_motion(moves, result["registration"]))
     if wrong:
         parts.append(_cause_of_flow(moves, wrong, result["all_water"]))
-    if flow and (missing := result["missing_runs"]):
-        lacks = " and ".join(name for name in missing if name in ("grid", "time_step"))
-        added = f", and S lacks what {lacks} would change" if lacks else ""
+    lacks = [f"the run {name}" for name in result["missing_runs"]]
+    if result["level"] not in result["levels"]:
+        lacks.append(f"the numerical error of level {result['level']} (softfinger tradeoff)")
+    if flow and lacks:
         parts.append(
-            f"Not in u_val, because these runs were not made: {', '.join(missing)}{added};"
-            " differences are judged too strictly."
+            f"Not in u_val, because not made or measured: {', '.join(lacks)}; differences are"
+            " judged too strictly."
         )
     return " ".join(part for part in parts if part)
 
@@ -144,22 +235,22 @@ def _evidence(quantities: list[Quantity]) -> str:
     differs = [q for q in quantities if q["verdict"] in (ERROR, DIFFERS)]
     wide = [q for q in quantities if q["verdict"] == UNCERTAIN]
     if differs:
-        text = "; ".join(f"{q['label']}: {_difference(q)}" for q in differs)
+        text = "; ".join(f"{q['label']}: {_off(q)}" for q in differs)
         return f"{text[:1].upper()}{text[1:]}."
     if wide:
         text = ", ".join(
             f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
             for q in wide
         )
-        return f"An error of {100 * TOO_UNCERTAIN:.0f}{NBSP}% would not be seen: {text}."
+        return f"An error of {100 * TOO_UNCERTAIN:.0f}{PER_CENT} would not be seen: {text}."
     text = ", ".join(f"{q['label']} {_relative(q)}" for q in quantities)
     return f"Errors above these would have been found: {text}." if text else ""
 
 
-def _difference(q: Quantity) -> str:
+def _off(q: Quantity) -> str:
     """How a quantity differs, in words, and how well each side is known."""
     part = 100 * np.linalg.norm(q["error"]) / abs(q["scale"])
-    off = f"{size(q['error'], q['unit'])} ({part:.0f}{NBSP}%)"
+    off = f"{size(q['error'], q['unit'])} ({part:.0f}{PER_CENT})"
     band, seen, inputs = (
         f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D", "u_input")
     )
@@ -183,7 +274,7 @@ def _level(result: dict[str, Any], flow: list[Quantity]) -> str:
     for level, known in result["levels"].items():
         least = factor * max(known.get(q["name"], np.inf) for q in hidden)
         if least <= TOO_UNCERTAIN and level != result["level"]:
-            found = f"errors above {100 * least:.0f}{NBSP}% would be found"
+            found = f"errors above {100 * least:.0f}{PER_CENT} would be found"
             return f"{text}: compare at LEVEL={level} or finer ({found})."
     return f"{text}: compare at LEVEL=coarse."
 
@@ -191,11 +282,11 @@ def _level(result: dict[str, Any], flow: list[Quantity]) -> str:
 def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
     """How the recording's finger moves, and what to correct."""
     factor, stretch = (
-        f"{registration[name]:.3f} ±{NBSP}{1.96 * registration[f'{name}_std']:.3f}"
+        f"{registration[name]:.3f} ±{NBSP}{K95 * registration[f'{name}_std']:.3f}"
         for name in ("pressure_factor", "stretch")
     )
     blame = "The motion is to blame: the" if moves == ERROR else "The"
-    another = abs(registration["stretch"] - 1) > 1.96 * registration["stretch_std"]
+    another = abs(registration["stretch"] - 1) > K95 * registration["stretch_std"]
     rate = ", or frame_rate_hz of dpiv.toml" if another else ""
     return (
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
@@ -226,4 +317,4 @@ def _relative(q: Quantity) -> str:
     """The smallest error that is found with 95 %, in per cent of the quantity; a place's in mm."""
     if np.size(q["error"]) > 1 or not q["scale"]:
         return size(q["detectable"], q["unit"])
-    return f"{100 * q['detectable'] / abs(q['scale']):.0f}{NBSP}%"
+    return f"{100 * q['detectable'] / abs(q['scale']):.0f}{PER_CENT}"

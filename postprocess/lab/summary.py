@@ -8,11 +8,15 @@ from typing import Any
 import pandas as pd
 
 from piv.files.atomic import sha256
-from postprocess.lab.clock import constant_ratio
 from postprocess.lab.dpiv_toml import NAME, Dpiv
-from postprocess.lab.flow import corrected, flow_quantities, tables
-from postprocess.lab.level import level_uncertainty
-from postprocess.lab.motion import Comparison, at_recorded_motion, motion_quantities
+from postprocess.lab.flow import flow_quantities, tables
+from postprocess.lab.inputs import level_uncertainty
+from postprocess.lab.motion import (
+    Comparison,
+    at_recorded_motion,
+    constant_ratio,
+    motion_quantities,
+)
 from postprocess.lab.recorded import recording_quality
 from postprocess.lab.validation import ValidatedQuantity, joint_level, judged, repeated, verdicts
 
@@ -34,7 +38,6 @@ def compare(dpiv: Dpiv, case: Comparison) -> Compared:
     if case.flow is not None:
         measured = tables(case, case.flow)
         quantities += flow_quantities(case, case.flow, measured)
-        measured["corrected"] = corrected(case, measured["virtual"])
         series = pd.concat(
             [t.set_index("time").add_suffix(f"_{name}") for name, t in measured.items()], axis=1
         ).reset_index()

@@ -1,6 +1,6 @@
 """Validation after ASME V&V 20: comparison error E = S − D, its uncertainty u_val, the verdict.
 
-The flow's S is the nominal run plus what the finer runs and the recording's own motion change.
+The flow's S is the nominal run plus what the recording's own motion changes.
 E estimates the model's error within ± k u_val, u_val² = Σ u² over numerics, inputs and data.
 """
 
@@ -37,9 +37,9 @@ class Source:
 class ValidatedQuantity:
     """One quantity: simulation (seen by PIV) and data, (component,), in SI.
 
-    `scale`: its size, for percentages. `moved`, `finer`: what the recording's own motion and the
-    finer runs have added to S; None where not known. `window` (s): of the instants. `instant`:
-    standard uncertainty of each side there.
+    `scale`: its size, for percentages. `moved`: what the recording's own motion has added to S;
+    None where not known. `window` (s): of the instants. `instant`: standard uncertainty of each
+    side there.
     """
 
     name: str
@@ -50,7 +50,6 @@ class ValidatedQuantity:
     scale: float
     sources: list[Source] = field(default_factory=list)
     moved: np.ndarray | None = None
-    finer: np.ndarray | None = None
     window: tuple[float, float] | None = None
     instant: dict[str, np.ndarray] = field(default_factory=dict)
 

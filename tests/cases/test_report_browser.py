@@ -63,7 +63,7 @@ def judged():
     source = {"name": "geometry and material", "kind": "input", "std": [2.34e-4], "how": how}
     numbers = {
         "u_num": [1.23e-4], "u_input": [2.34e-4], "u_D": [3.45e-4], "significance": 12.34,
-        "finer": [1e-4], "dominant": source["name"],
+        "dominant": source["name"],
         "sources": [source],
     }  # fmt: skip
     verdicts = {

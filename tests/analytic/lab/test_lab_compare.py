@@ -1,16 +1,12 @@
 """Equal flows agree through the same virtual experiment; a stronger vortex is a model error."""
 
-from dataclasses import replace
-
 import numpy as np
-import pandas as pd
 import pytest
 
 from docs.evidence.lab_renderer import Filmed
 from piv.vortices.find import VortexSettings
 from postprocess.lab.dpiv_toml import Evaluation
-from postprocess.lab.inputs_toml import ORDER, SAFETY, Finer
-from postprocess.lab.motion import Comparison, Effect
+from postprocess.lab.motion import Comparison
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Law, Registration
 from postprocess.lab.summary import compare
@@ -56,15 +52,7 @@ def compared(tmp_path_factory):
         registration = Registration(pose, covariance, 0.0, law, none, none, pose)
         settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = Sides(data, virtual, direct, settings, 24 * pose.pixel)
-        case = Comparison(kinematics, registration, 0.0, sides, [_grid_effect(instants.size)])
-        out[gain] = judged_of(case)
-    # a run of finer numerics that has the stronger vortex of the last recording
-    circulation = by_name(out[1.25])["circulation"]
-    first, last = circulation["window"]
-    series = out[1.25][1].set_index("time").loc[first - 1e-6 : last + 1e-6]
-    lacks = float(circulation["data"][0] - series["circulation_direct"].mean())
-    effect = _grid_effect(instants.size, SMALL | {"circulation": lacks}, 0.1)
-    out["finer"] = judged_of(replace(case, effects=[effect]))
+        out[gain] = judged_of(Comparison(kinematics, registration, 0.0, sides))
     return out
 
 
@@ -73,16 +61,6 @@ def judged_of(case):
     made = compare(None, case)
     rows = [judged(q, joint_level(2)) for q in made.quantities]
     return {"quantities": rows, **verdicts(rows)}, made.series
-
-
-SMALL = {"circulation": 5e-5, "x": 1e-4, "y": 1e-4}
-
-
-def _grid_effect(count, change=SMALL, per_std=1.0) -> Effect:
-    """A run of finer numerics: the same change at each instant."""
-    table = pd.DataFrame({name: [value] * count for name, value in change.items()})
-    ratio = (1 + 0.5 * SAFETY / per_std) ** (1 / ORDER)
-    return Effect(Finer("grid", ratio), 0.0, 0.0, table)
 
 
 def by_name(result):
@@ -103,16 +81,3 @@ def test_stronger_vortex_is_a_model_error_of_its_size(compared):
     expected = -0.2 * circulation["data"][0]
     assert abs(circulation["error"][0] - expected) < circulation["k"] * circulation["u_val"][0]
     assert compared[1.25][0]["verdict"] == ERROR
-
-
-def test_what_a_finer_run_changes_is_no_model_error(compared):
-    """A run of finer numerics has the vortex of the recording: S is that run's."""
-    coarse, finer = by_name(compared[1.25]), by_name(compared["finer"])
-    assert coarse["circulation"]["verdict"] == ERROR
-    assert finer["circulation"]["verdict"] != ERROR
-    # all that E was but what PIV takes off the stronger vortex, within its own 95 % band
-    circulation = finer["circulation"]
-    assert abs(circulation["error"][0]) < circulation["k"] * circulation["u_val"][0]
-    squares = [circulation[name][0] ** 2 for name in ("u_num", "u_input", "u_D")]
-    assert sum(squares) == pytest.approx(circulation["u_val"][0] ** 2)
-    assert circulation["u_num"][0] == pytest.approx(0.1 * abs(circulation["finer"][0]))

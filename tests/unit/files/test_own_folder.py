@@ -11,7 +11,7 @@ import pytest
 from pipeline.runs.run import Run, open_run
 from piv.files.errors import StageError
 from piv.files.record import check_own, forget, read_record, record_path
-from postprocess.lab.inputs_toml import read_inputs
+from postprocess.lab.inputs import read_inputs
 from softfinger.make import Machine, make
 from tests.conftest import write_scene
 

@@ -4,7 +4,7 @@ import pytest
 
 from pipeline.scene.scene import load_scene
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
-from postprocess.lab.inputs_toml import NUMERICS, ORDER, SAFETY, Finer, Input, read_inputs
+from postprocess.lab.inputs import Input, read_inputs
 from softfinger.__main__ import main
 from tests.lab_scene import CASE
 
@@ -25,15 +25,11 @@ def changed_by(case, of):
 
 def test_each_run_changes_one_number(case):
     nominal = load_scene(case[0], "smoke")
-    changed = {of.name: changed_by(case, of) for of in (*read_inputs(CASE), *NUMERICS)}
+    changed = {of.name: changed_by(case, of) for of in read_inputs(CASE)}
     assert changed["pressure"].motion.strokes[0].pressure_kpa == pytest.approx(21.0)
     assert changed["duration"].motion.strokes[0].duration == pytest.approx(0.44)
-    assert changed["time_step"].numerics.time_step == pytest.approx(nominal.numerics.time_step / 2)
-    assert changed["grid"].mesh.tip_cell == pytest.approx(nominal.mesh.tip_cell / 1.5)
-    assert changed["grid"].mesh.wall_layers == 3
-    for name, parts in (("pressure", {"motion"}), ("grid", {"mesh"}), ("time_step", {"numerics"})):
-        for part in {"motion", "mesh", "numerics", "finger", "camera"} - parts:
-            assert getattr(changed[name], part) == getattr(nominal, part), (name, part)
+    for part in ("mesh", "numerics", "finger", "camera"):
+        assert all(getattr(one, part) == getattr(nominal, part) for one in changed.values()), part
 
 
 def asked(key: str, step: float = 0.001) -> Input:
@@ -60,14 +56,6 @@ def test_a_number_of_a_table_or_of_a_level_is_changed(case, key, step):
 def test_a_key_that_is_no_number_of_the_scene_is_refused(case, key):
     with pytest.raises(ValueError, match="the scene has no number"):
         asked(key).overrides(case[1])
-
-
-@pytest.mark.parametrize("ratio", [1.5, 2.0])
-def test_numerical_band_is_that_of_the_finer_run(ratio):
-    """f(h) = 1 + h^p: the 95 % band is the finer run's own error times the safety factor."""
-    nominal, finer = 1 + 0.1**ORDER, 1 + (0.1 / ratio) ** ORDER
-    band = 2 * Finer("grid", ratio).per_change * (nominal - finer)
-    assert band == pytest.approx(SAFETY * (0.1 / ratio) ** ORDER)
 
 
 def test_a_scene_that_states_no_inputs_has_none(tmp_path):

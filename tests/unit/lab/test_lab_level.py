@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from postprocess.lab.level import LOST, PLANE, UNIFORM, level_uncertainty, level_windows
+from postprocess.lab.inputs import LOST, PLANE, UNIFORM, level_uncertainty, level_windows
 
 TABLE = """# {"format": "errors"}
 run,start_s,end_s,error,error_circulation,error_centre

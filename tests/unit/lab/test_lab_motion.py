@@ -11,13 +11,14 @@ from scipy.interpolate import CubicSpline
 from pipeline.formats.kinematics import SHAPE
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
-from postprocess.lab.clock import check_rate, constant_ratio
-from postprocess.lab.flow import corrected, corrections, run_sources
-from postprocess.lab.inputs_toml import Finer, Input
+from postprocess.lab.flow import run_sources
+from postprocess.lab.inputs import Input
 from postprocess.lab.motion import (
     Comparison,
     Effect,
     at_recorded_motion,
+    check_rate,
+    constant_ratio,
     difference,
     final_bend,
     over_bend,
@@ -29,14 +30,14 @@ from postprocess.lab.virtual_experiment import Sides
 from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
-COLUMNS = ("circulation",)
+COLUMNS = ["circulation"]
 ROWS = np.ones(3, bool)
 PATH = Path("recording/dpiv.toml")
 
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """A recording with 5 % more bend in 10 % less time; runs of pressure, duration and grid."""
+    """A recording with 5 % more bend in 10 % less time; runs of pressure and duration."""
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
     pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
@@ -45,7 +46,6 @@ def case(tmp_path_factory):
     runs = (
         (input_of("pressure"), 3e-5, bend, 0.0),
         (input_of("duration"), -10e-5, 0.0, 0.1 * stroke_duration(kinematics)),
-        (Finer("grid", 2.0), 2e-5, 0.0, 0.0),
     )
     effects = [
         Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3, "x": 0.0, "y": 0.0}))
@@ -115,20 +115,9 @@ def test_a_finger_that_bends_to_both_sides_is_refused(case):
 def test_it_takes_the_place_of_the_inputs_bands(case):
     moved = at_recorded_motion(case)
     names = [source.name for source in run_sources(case, COLUMNS, ROWS)]
-    assert names == ["pressure", "geometry and material", "duration", "grid"]
+    assert names == ["pressure", "geometry and material", "duration"]
     std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
-    assert set(std) == {"pressure as recorded", "duration as recorded", "grid"}
-    assert corrections(case, COLUMNS, ROWS)[0] is None
-    # the recording's flow is stronger by 2.5 runs of pressure and 11 % of speed
-    faster = (1 / 0.9 - 1) / (1 - 1 / 1.1) * 10e-5
-    added, finer = corrections(moved, COLUMNS, ROWS)
-    assert added[0] == pytest.approx(2.5 * 3e-5 + faster, rel=0.02)
-    assert finer[0] == pytest.approx(2e-5)
-    # the curve is that of the table
-    table = pd.DataFrame({"circulation": [1e-2] * 3, "x": 0.0, "y": 0.0})
-    assert corrected(moved, table)["circulation"].to_numpy() == pytest.approx(
-        1e-2 + added[0] + finer[0]
-    )
+    assert set(std) == {"pressure as recorded", "duration as recorded"}
     assert std["duration as recorded"] == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1) * 10e-5)
 
 

@@ -42,7 +42,6 @@ def quantity(
         "verdict": verdict,
         "dominant": "grid",
         "detectable": detectable * scale,
-        "finer": None,
         "moved": None if moved is None else [moved],
     }
 
@@ -61,7 +60,7 @@ def result(*quantities, missing=()):
         "repeats": [],
         "plane": True,
         "level": "smoke",
-        "levels": {},
+        "levels": {"smoke": {}},
     }
 
 
@@ -138,9 +137,9 @@ def test_without_runs_a_flow_is_not_blamed_where_the_motion_may_be(motion):
 
 
 def test_yes_names_the_runs_that_u_val_lacks():
-    text = answer(result(STRAIGHT, SAME, missing=["grid", "time_step"]))
+    text = answer(result(STRAIGHT, SAME, missing=["duration", "pressure"]))
     assert text.startswith("Motion: yes. Flow: yes. ")
-    assert "these runs were not made: grid, time_step" in text
+    assert "because not made or measured: the run duration, the run pressure; differences" in text
 
 
 def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():

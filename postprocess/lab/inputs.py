@@ -1,14 +1,15 @@
-"""The runs beside the nominal one: uncertain inputs (reference/inputs.toml), finer numerics."""
+"""What is not known of the simulation: inputs (reference/inputs.toml), and its level's error."""
 
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
+import numpy as np
+import pandas as pd
 from pydantic import Field, ValidationError
 
 from pipeline.scene.key_reference import complaints
@@ -18,11 +19,12 @@ from piv.files.provenance import check_version
 from piv.files.record import NAME
 from postprocess.lab.dpiv_toml import Positive, Table
 
-# Roache (1994), eq. 5: order of the scheme, and the safety factor of two grids, which assume it
-ORDER, SAFETY = 2.0, 3.0
-MESH_LENGTHS = ["wall_cell", "wall_first_layer", "tip_cell", "near_cell", "far_cell"]
-MESH_LENGTHS += ["edge_layer", "sheet_layer"]
-MESH_GROWTH = ("wall_growth", "layer_growth")
+UNIFORM = 3**-0.5  # standard deviation over the half-width of a uniform distribution
+ERRORS = {"circulation": "error_circulation", "centre": "error_centre"}
+# of level smoke, a plane flow, where nothing was measured: single_finger's; and of a vortex that a
+# level does not have
+PLANE, LOST = {"circulation": 0.32, "centre": 0.07}, 1.0
+EMPTY = pd.DataFrame(columns=["run", "start_s", "end_s", *ERRORS])
 
 
 class Input(Table):
@@ -31,7 +33,6 @@ class Input(Table):
     `step`: change in the run beside; `limit`: half-width of a uniform distribution.
     """
 
-    kind: ClassVar = "input"  # as `validation.KINDS` has it
     name: Annotated[str, Field(pattern=f"^{NAME}$")]  # of the folder of its run
     key: str
     step: Positive
@@ -40,8 +41,8 @@ class Input(Table):
 
     @property
     def per_change(self) -> float:
-        """Standard uncertainty over the run's change: of a uniform distribution."""
-        return self.limit / 3**0.5 / self.step
+        """Standard uncertainty over the run's change."""
+        return UNIFORM * self.limit / self.step
 
     @property
     def how(self) -> str:
@@ -58,41 +59,6 @@ class Input(Table):
             return {".".join(map(str, keys[:depth])): reduce(getitem, keys[:depth], changed)}
         except (KeyError, IndexError, TypeError):
             raise StageError(f"inputs.toml: the scene has no number {self.key!r}") from None
-
-
-@dataclass(frozen=True)
-class Finer:
-    """Grid or time step finer by `ratio`, judged by Roache's grid-convergence index."""
-
-    kind: ClassVar = "numerical"
-    name: str
-    ratio: float
-
-    @property
-    def per_change(self) -> float:
-        """Standard uncertainty over the run's change.
-
-        Half the convergence index of the finer run, a 95 % band.
-        """
-        return 0.5 * SAFETY / (self.ratio**ORDER - 1)
-
-    @property
-    def how(self) -> str:
-        """How its uncertainty is found."""
-        return f"grid-convergence index of the run finer by {self.ratio:g}"
-
-    def overrides(self, numbers: dict[str, Any]) -> dict[str, Any]:
-        """The finer numbers by dotted key."""
-        if self.name == "time_step":
-            return {"numerics.time_step": numbers["numerics"]["time_step"] / self.ratio}
-        mesh = numbers["mesh"]
-        values = {name: mesh[name] / self.ratio for name in MESH_LENGTHS}
-        values |= {name: mesh[name] ** (1 / self.ratio) for name in MESH_GROWTH}
-        values["wall_layers"] = round(mesh["wall_layers"] * self.ratio)
-        return {f"mesh.{name}": value for name, value in values.items()}
-
-
-NUMERICS = (Finer("grid", 1.5), Finer("time_step", 2.0))
 
 
 class Inputs(Table):
@@ -115,3 +81,31 @@ def read_inputs(scene_folder: Path) -> tuple[Input, ...]:
         return Inputs(**table).input
     except ValidationError as error:
         raise StageError(f"{path}: {'; '.join(complaints(error.errors(), Inputs))}") from None
+
+
+def level_windows(scenes: list[Path], plane: bool) -> pd.DataFrame:
+    """Relative standard uncertainties by `run` (a level) and window of time, coarsest level first.
+
+    Columns `start_s`, `end_s` and one by quantity, of places over the tip's width; none of a level
+    that was not measured. `scenes`: the scene's folder and those that it extends, nearest first;
+    the first with studies/results counts. `plane`: whether the run's flow is plane.
+    """
+    for folder in scenes:
+        if (path := folder / "studies" / "results" / "errors.csv").exists():
+            table = pd.read_csv(path, comment="#")
+            table = table[table.groupby("run")["error"].transform("count") > 0]
+            known = {name: UNIFORM * table[of].fillna(LOST) for name, of in ERRORS.items()}
+            return table.assign(**known)[list(EMPTY)].reset_index(drop=True)
+    if not plane:
+        return EMPTY
+    return pd.DataFrame([{"run": "smoke", "start_s": 0.0, "end_s": np.inf, **PLANE}])
+
+
+def level_uncertainty(
+    windows: pd.DataFrame, level: str, during: tuple[float, float]
+) -> dict[str, float]:
+    """The largest relative standard uncertainty of each quantity `during` (s); empty: unknown."""
+    rows = windows[windows["run"] == level]
+    met = rows[(rows["start_s"] < during[1]) & (rows["end_s"] > during[0])]
+    rows = met if len(met) else rows.tail(1)  # later its error is at least that
+    return {name: float(rows[name].max()) for name in ERRORS} if len(rows) else {}
