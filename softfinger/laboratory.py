@@ -20,7 +20,7 @@ from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.causes import check_fit, draw_fit
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
-from postprocess.lab.flow import flow_effects
+from postprocess.lab.flow import with_flow
 from postprocess.lab.inputs import Input, level_windows, read_inputs
 from postprocess.lab.motion import (
     Comparison,
@@ -128,9 +128,7 @@ def _plane(run: Run) -> bool:
     return bool(run.scene.model.kind == "2d")
 
 
-def _beside(
-    run: Run, beside: tuple[Input, ...], machine: Machine
-) -> dict[str, tuple[Input, Run]]:
+def _beside(run: Run, beside: tuple[Input, ...], machine: Machine) -> dict[str, tuple[Input, Run]]:
     """The runs beside the nominal one, by name, with their kinematics made."""
     runs = {}
     for of in beside:
@@ -238,7 +236,7 @@ def _with_flow(
         make(one, "solve", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
     sheets = {of: one.out / name for of, one in runs.items()}
-    return replace(case, flow=sides, effects=flow_effects(case, sides, sheets))
+    return with_flow(case, sides, sheets)
 
 
 def _plan(runs: dict[str, Run], ranks: int) -> str:

@@ -34,7 +34,6 @@ SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
 # Ratios to the water's own density: beside the outline at least (seeding is uneven there, but what
 # is denser bounds the outline as well), and within it at most; on the edge, to that beside it.
 MISSING, WITHIN, ON_EDGE = 0.35, 0.08, 1.25
-BAD_PICTURES = 0.2  # share of the pictures that may fit worse than that
 SHADOW = "particles are missing beside it, as in a shadow"
 UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a reflection"
 BRIGHT = "it is brighter than the water, as by a reflection"
@@ -43,7 +42,7 @@ GREEN, RED, ORANGE = np.array([[103, 194, 39], [66, 60, 235], [66, 140, 255]])  
 LARGEST = 1.8  # factor by which pressure and duration may differ, either way
 MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 JUMP = 6.0  # standard deviations of a jump: every instant is tried
-MOVED_PX, TURNED = 1.0, 0.01  # px, rad: least jump of the camera
+MOVED = np.array([1.0, 1.0, 0.01])[:, None]  # px, px, rad: least jump of the camera
 SHARP = 0.6  # of a camera's jump: the least part of it between the two pictures beside it
 ENDS = 4  # pictures before and behind a jump, at least
 FEWEST = 2 * ENDS + 4  # pictures, for a jump to be looked for: six things are fitted
@@ -68,14 +67,11 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     profile, motion = fit.profile, motion_causes(fit, kinematics, known)
     moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
     parts = {} if moved else _wrong_parts(profile)
-    rate = profile.rate()
-    within = profile.count[..., INSIDE].sum(axis=1)
-    missing = rate * profile.area[..., NEAR].sum(axis=1) - profile.count[..., NEAR].sum(axis=1)
-    worst = int(np.argmax(within + missing))
     # where no scale and root explain the outline, those that were fitted are its fault
     stated = [] if parts or moved else [*scale_cause(fit, known), *root_causes(fit, known)]
-    causes = [*stated, *motion]
-    causes += outline_causes(fit, parts, known, worst, causes)
+    causes = [*stated, *motion, *outline_causes(fit, parts, known)]
+    missing = profile.rate() * profile.area[..., NEAR] - profile.count[..., NEAR]
+    worst = int(np.argmax((profile.count[..., INSIDE] + missing).sum(axis=1)))
     wrong = np.isin(profile.part, list(parts))
     return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong)
 
@@ -174,39 +170,38 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
     # a finger that lags smoothly, as one with hysteresis, has no jump
     law = np.stack([*slopes, slopes[1] * lag**2, slopes[1] * lag**3], axis=-1)
     noise = np.hypot(fit.singles_std[0], NOISE * span)
-    sure, jump = _steps(fit.singles[0] - fit.law, noise, law, slopes[1])
-    clock = sure * (np.abs(jump) > 0.7 * fit.interval)
-    # where the outline does not explain the pictures, the pose goes with the finger's bend
-    drift, pose = np.column_stack([lag**0, lag, (fit.law - fit.law[0]) / span]), []
-    for k, least in enumerate((MOVED_PX, MOVED_PX, TURNED)):
-        # single pictures scatter by a third of their standard uncertainties
-        seen = fit.singles[k + 1], 0.5 * np.hypot(fit.singles_std[k + 1], 0.1 * least)
-        pose.append(_steps(*seen, drift, np.ones_like(lag)))
-    # x, y and angle jump together
-    (x, y, turn), moved = (p[1] for p in pose), np.sqrt(sum(p[0] ** 2 for p in pose))
-    moved = moved * ((np.hypot(x, y) > MOVED_PX) | (np.abs(turn) > TURNED))
-    # a camera jumps from one picture to the next, such a pose goes over several
-    size = np.stack([x / MOVED_PX, y / MOVED_PX, turn / TURNED])
-    next_to = np.diff(fit.singles[1:] / [[MOVED_PX], [MOVED_PX], [TURNED]], prepend=0.0)
-    moved = moved * (np.sum(size * next_to, axis=0) > SHARP * np.sum(size**2, axis=0))
-    camera = moved.max() > clock.max()
-    at = int(np.argmax(moved if camera else clock))
-    if (moved if camera else clock)[at] <= JUMP:
+    sure, late = _steps(fit.singles[0] - fit.law, noise, law, slopes[1])
+    clock = sure * (np.abs(late) > 0.7 * fit.interval)
+    # where the outline does not explain the pictures, the pose goes with the finger's bend, over
+    # several pictures; a camera jumps from one to the next, in x, y and angle together
+    drift = np.column_stack([lag**0, lag, (fit.law - fit.law[0]) / span])
+    pose = fit.singles[1:] / MOVED
+    # single pictures scatter by a third of their standard uncertainties
+    std = 0.5 * np.hypot(fit.singles_std[1:] / MOVED, 0.1)
+    found = [_steps(p, s, drift, lag**0) for p, s in zip(pose, std, strict=True)]
+    size = np.array([one[1] for one in found])
+    far = (np.hypot(*size[:2]) > 1) | (np.abs(size[2]) > 1)
+    sharp = np.sum(size * np.diff(pose, prepend=0), axis=0) > SHARP * np.sum(size**2, axis=0)
+    camera = np.linalg.norm([one[0] for one in found], axis=0) * (far & sharp)
+    most = camera if camera.max() > clock.max() else clock
+    at = int(np.argmax(most))
+    if most[at] <= JUMP:
         return ""
-    when, late = f"from {times[at]:.3f} s of the recording on", float(jump[at])
-    if camera:
+    when, part = f"from {times[at]:.3f} s of the recording on", "give the part before or behind it"
+    if most is camera:
+        x, y, turn = (size * MOVED)[:, at]
         return (
-            f"the camera moved: {when} the finger's root lies {np.hypot(x[at], y[at]):.1f} px from"
-            f" where it lay, turned by {np.degrees(turn[at]):.1f}°; give the part before or behind"
-            " it as a recording of its own"
+            f"the camera moved: {when} the finger's root lies at least {np.hypot(x, y):.1f} px"
+            f" from where it lay, turned by {np.degrees(turn):.1f}°; {part} as a recording of its"
+            " own"
         )
     where, why = "ahead of", "pictures are missing there"
-    if late > 0:
+    if late[at] > 0:
         where, why = "behind", "a picture is there twice, or the finger halted"
     return (
-        f"the clock jumps: {when} the finger is {abs(late) * 1e3:.0f} ms {where} its motion before:"
-        f" {why} (dropped frames); give the part before or behind it as a recording of its own, or"
-        " compare the motion that water changes (COUPLED=1)"
+        f"the clock jumps: {when} the finger is {1e3 * abs(late[at]):.0f} ms {where} its motion"
+        f" before: {why} (dropped frames); {part} as a recording of its own, or compare the motion"
+        " that water changes (COUPLED=1)"
     )
 
 
@@ -230,28 +225,22 @@ def _steps(
     return sure, size
 
 
-def outline_causes(
-    fit: Fit, parts: dict[int, str], known: Known, worst: int, before: list[str]
-) -> list[str]:
-    """An outline that does not explain the pictures: its `parts`, its growth, single pictures."""
-    profile, growth, out = fit.profile, float(fit.state[GROWTH]), []
+def outline_causes(fit: Fit, parts: dict[int, str], known: Known) -> list[str]:
+    """An outline that does not explain the pictures: its `parts`, or its growth."""
+    growth, out = float(fit.state[GROWTH]), []
     if parts:
-        out.append(_parts_sentence(parts))
+        places = {what: {NAMES[k]: 0 for k in parts if parts[k] == what} for what in parts.values()}
+        where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
+        out.append(
+            f"the finger's outline does not explain the pictures: {where}; light the finger so that"
+            " water is seen all around it, or give root_hidden_mm where its root is not"
+        )
     if not -FAR_OFF * GROWTH_STD <= growth <= GROWN:
         change, limit = ("grown", GROWN) if growth > 0 else ("shrunk", FAR_OFF * GROWTH_STD)
         out.append(
             f"the outline had to be {change} by {abs(growth):.1f} px on all sides, more than blur"
             f" and a mould's tolerance make of it ({limit:.1f} px): a shadow beside the finger, or"
             " a finger of another thickness"
-        )
-    within = profile.count[..., INSIDE].sum(axis=1)
-    allowed = WITHIN * profile.rate() * profile.area[..., INSIDE].sum(axis=1)
-    bad = within - allowed > FAR_OFF * np.sqrt(np.maximum(allowed, 1.0))
-    if not parts and not before and bad.mean() > BAD_PICTURES:
-        out.append(
-            f"in {bad.mean():.0%} of the pictures, as the one at {fit.times[worst]:.3f} s,"
-            " particles lie where the fitted finger is; take out pictures in which something else"
-            " hides it"
         )
     shadow = {SHADOW, UNLIKE} & set(parts.values()) or growth > GROWN
     if shadow and known.light_from is None:
@@ -265,17 +254,15 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     Whole sides are tested as well, for what is too little in one part. Counts of pictures that
     share particles are weighed by `independent_share`.
     """
-    share = independent_share(profile)
+    share, whole = independent_share(profile), profile.rate()
     count, area = profile.count.sum(axis=0), profile.area.sum(axis=0)
-    whole = profile.rate()
+    density = count / area.clip(1)
     # the water's own rate beside each part, since light is uneven; beyond the root may be a wall
     enough = area[:, FAR] > 0.3 * np.median(area[:, FAR])
-    own = np.where(enough, count[:, FAR] / np.maximum(area[:, FAR], 1), whole)
+    own = np.where(enough, density[:, FAR], whole)
     own[0] = whole
     water = np.maximum(own, 0.5 * whole)[:, None] * area
-    beside = np.maximum(
-        count[:, NEAR] / np.maximum(area[:, NEAR], 1), water[:, NEAR] / area[:, NEAR].clip(1)
-    )
+    beside = np.maximum(density[:, NEAR], water[:, NEAR] / area[:, NEAR].clip(1))
     water[:, EDGE] = beside * area[:, EDGE]
     sees = area[:, EDGE] > 0.3 * np.median(area[area[:, EDGE] > 0, EDGE])
     on_edge = float(np.median(count[sees, EDGE] / np.maximum(water[sees, EDGE], 1.0)))
@@ -295,20 +282,6 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
             if off > SURE and sign * (seen - limit * of_water) > 0:
                 found |= {part: what for part in parts if part not in found}
     return found
-
-
-def _parts_sentence(parts: dict[int, str]) -> str:
-    """Where the outline does not fit, in words."""
-    places: dict[str, list[str]] = {}
-    for part, what in parts.items():
-        names = places.setdefault(what, [])
-        if NAMES[part] not in names:
-            names.append(NAMES[part])
-    where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
-    return (
-        f"the finger's outline does not explain the pictures: {where}; light the finger so that"
-        " water is seen all around it, or give root_hidden_mm where its root is not"
-    )
 
 
 def draw_fit(check: FitCheck) -> bytes:

@@ -19,7 +19,7 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import Comparison, Effect
+from postprocess.lab.motion import Comparison
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -52,7 +52,7 @@ LINEAR = 0.15  # of what the recording's motion changes: the flow is taken to be
 
 
 def measure(
-    sides: Sides, pose: Pose, plane: xr.Dataset, name: str, seen: np.ndarray | bool = True
+    sides: Sides, pose: Pose, plane: xr.Dataset, name: str, seen: np.ndarray
 ) -> pd.DataFrame:
     """Circulation, centre (tank frame) and radius of the tip vortex of a camera-frame series.
 
@@ -75,48 +75,48 @@ def measure(
     return out.assign(x=places[:, 0], y=places[:, 1]).reset_index()
 
 
-def tables(case: Comparison, sides: Sides) -> dict[str, pd.DataFrame]:
-    """`measure` of every side, and the simulation at the recording's own motion ("corrected")."""
-    named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
-    # without pictures the vectors of all sides, since programs mask the body differently
-    seen = case.registration.times.size > 0 or np.logical_and.reduce(
-        [usable(plane).values for plane in named.values()]
-    )
-    pose = case.registration.pose
-    out = {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
-    out["corrected"] = out["virtual"].copy()
-    for e in case.of_motion:
-        out["corrected"][[*COLUMNS]] += e.share * e.table[[*COLUMNS]].to_numpy()
-    return out
-
-
-def flow_effects(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> list[Effect]:
-    """The effects with what each run changes of the flow, seen through this recording's pose.
+def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Comparison:
+    """The case with both sides measured, and with what each run changes of the simulation's flow.
 
     `sheets`: those of the runs, by name.
     """
-    pose, times = case.registration.pose, sides.direct["time"].values
-    some = slice(None, None, -(-times.size // MOST))
-    x, y, at = sides.direct["x"].values, sides.direct["y"].values, times[some]
-    ours, effects = measure(sides, pose, sides.direct.isel(time=some), "direct"), []
+    named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
+    pose, seen = case.registration.pose, np.ones(sides.data["u"].shape, bool)
+    if case.registration.times.size == 0:
+        # without pictures the vectors of all sides, since programs mask the body differently
+        seen = np.logical_and.reduce([usable(plane).values for plane in named.values()])
+    measured = {name: measure(sides, pose, plane, name, seen) for name, plane in named.items()}
+    step = -(-len(measured["direct"]) // MOST)
+    ours = measured["direct"][::step].reset_index(drop=True)
+    x, y, times = (sides.direct[n].values for n in ("x", "y", "time"))
+    effects, at = [], ours["time"].to_numpy()
     for effect in case.effects:
         with read_plane(sheets[effect.of.name]) as opened:
             sheet = opened.load()
         # of a run that ends earlier, its end
-        seen = camera_series(sheet, pose, x, y, np.clip(at, *sheet["time"].values[[0, -1]]))
-        run = measure(sides, pose, seen.assign_coords(time=at), effect.of.name)
+        plane = camera_series(sheet, pose, x, y, np.clip(at, *sheet["time"].values[[0, -1]]))
+        run = measure(sides, pose, plane.assign_coords(time=at), effect.of.name, seen[::step])
         change = (run - ours)[[*COLUMNS]]
         known = change["circulation"].notna()
         table = {
             n: np.interp(times, at[known], v[known], np.nan, np.nan) for n, v in change.items()
         }
         effects.append(replace(effect, table=pd.DataFrame(table)))
-    return effects
+    return replace(case, flow=sides, measured=measured, effects=effects)
 
 
-def known_instants(case: Comparison, measured: dict[str, pd.DataFrame]) -> np.ndarray:
+def corrected(case: Comparison) -> pd.DataFrame:
+    """The simulation seen by PIV, at the recording's own motion where it is known."""
+    out = case.measured["virtual"].copy()
+    for e in case.of_motion:
+        assert e.table is not None
+        out[[*COLUMNS]] += e.share * e.table[[*COLUMNS]].to_numpy()
+    return out
+
+
+def known_instants(case: Comparison) -> np.ndarray:
     """Instants (n,) at which every side and run knows the vortex; StageError of too few."""
-    every = [*measured.values(), *(e.table for e in case.effects if e.table is not None)]
+    every = [*case.measured.values(), *(e.table for e in case.effects if e.table is not None)]
     seen = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
     if seen.size < FEWEST:
         raise StageError(
@@ -142,33 +142,29 @@ def independent_instants(times: np.ndarray, window_s: float) -> float:
     return float(times.size**2 / np.sum(np.clip(1 - apart / window_s, 0.0, 1.0)))
 
 
-def flow_quantities(
-    case: Comparison, sides: Sides, measured: dict[str, pd.DataFrame]
-) -> list[ValidatedQuantity]:
+def flow_quantities(case: Comparison, sides: Sides) -> list[ValidatedQuantity]:
     """The quantities with all their sources, as means over a part of the instants.
 
     S is the simulation seen by PIV, with what the recording's own motion changes.
     """
-    at = known_instants(case, measured)
-    data = measured["data"].loc[at]
+    at, out, tip = known_instants(case), [], case.kinematics.tip_width
+    data = case.measured["data"].loc[at]
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
-    window_s, out = sides.window_m / float(speed), []
     for name, one in QUANTITIES.items():
-        tip = case.kinematics.tip_width
-        scale = tip if name == "centre" else float(data["circulation"].abs().mean())
-        rows = compared_instants(case, measured, at, name, scale)
+        rows = compared_instants(case, at, name, data["circulation"].abs().mean())
         scale = tip if name == "centre" else abs(float(data.loc[rows, "circulation"].mean()))
-        out.append(_quantity(case, measured, at, rows, name, one, scale, window_s))
+        out.append(_quantity(case, at, rows, name, one, scale, sides.window_m / float(speed)))
     return out
 
 
 def compared_instants(
-    case: Comparison, measured: dict[str, pd.DataFrame], at: np.ndarray, name: str, scale: float
+    case: Comparison, at: np.ndarray, name: str, circulation: float
 ) -> np.ndarray:
     """The third of the instants `at` at which PIV and the level change a quantity least."""
     columns, size = QUANTITIES[name].columns, max(FEWEST, int(PART * at.size))
-    times = measured["data"]["time"].to_numpy()
-    changed = (measured["virtual"] - measured["direct"])[columns].to_numpy(float)
+    scale = case.kinematics.tip_width if name == "centre" else circulation
+    times = case.measured["data"]["time"].to_numpy()
+    changed = (case.measured["virtual"] - case.measured["direct"])[columns].to_numpy(float)
 
     def predicted(rows: np.ndarray) -> float:
         seen = UNLIKE * np.linalg.norm(np.mean(np.abs(changed[rows]), axis=0))
@@ -179,7 +175,6 @@ def compared_instants(
 
 def _quantity(
     case: Comparison,
-    measured: dict[str, pd.DataFrame],
     at: np.ndarray,
     rows: np.ndarray,
     name: str,
@@ -187,8 +182,11 @@ def _quantity(
     scale: float,
     window_s: float,
 ) -> ValidatedQuantity:
-    """One quantity over the instants `rows` of those `at` which all sides know."""
-    registration, columns = case.registration, one.columns
+    """One quantity over the instants `rows` of those `at` which all sides know.
+
+    `scale`: its size; `window_s`: in which particles cross a window.
+    """
+    registration, columns, measured = case.registration, one.columns, case.measured
     times = measured["data"].loc[rows, "time"].to_numpy()
     ours, direct, theirs = (
         measured[side].loc[rows, columns].to_numpy(float) for side in ("virtual", "direct", "data")
@@ -225,16 +223,16 @@ def _quantity(
     if (level := level_std(case, name, times, scale)) > 0:
         std = np.full(len(columns), level / np.sqrt(len(columns)))
         sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
-    simulation = ours.mean(axis=0) + (0.0 if moved is None else moved)
-    during = float(times[0]), float(times[-1])
     quantity = ValidatedQuantity(
-        name, one.label, one.unit, simulation, value, scale, sources, moved, during
+        name, one.label, one.unit, ours.mean(axis=0), value, scale, sources
     )
     known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
-    quantity.instant["simulation"] = np.linalg.norm(known, axis=0)
+    instant = {"simulation": np.linalg.norm(known, axis=0)}
     known = theirs_std, excess, quantity.u_kind("data")
-    quantity.instant["data"] = np.linalg.norm(known, axis=0)
-    return quantity
+    instant["data"] = np.linalg.norm(known, axis=0)
+    simulation = quantity.simulation + (0.0 if moved is None else moved)
+    during = float(times[0]), float(times[-1])
+    return replace(quantity, simulation=simulation, moved=moved, window=during, instant=instant)
 
 
 def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:

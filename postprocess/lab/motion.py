@@ -74,14 +74,16 @@ class Effect:
 class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
-    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `levels`: as
-    of `inputs.level_windows`, and the `level` that is compared.
+    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `measured`:
+    `flow.measure` of each side. `levels`: as of `inputs.level_windows`, and the `level` that is
+    compared.
     """
 
     kinematics: Kinematics
     registration: Registration
     bend_std: float
     flow: Sides | None = None
+    measured: dict[str, pd.DataFrame] = field(default_factory=dict)
     effects: list[Effect] = field(default_factory=list)
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""

@@ -83,12 +83,11 @@ def as_it_is(at: tuple[float, float]) -> tuple[float, float]:
 class Law:
     """The recording's motion relative to the simulation's.
 
-    `values`: (factor, delay s, stretch), with their covariance; `misfit`: RMS residual (Pa).
+    `values`: (factor, delay s, stretch), with their covariance.
     """
 
     values: np.ndarray
     covariance: np.ndarray
-    misfit: float
 
     @property
     def delay(self) -> float:
@@ -297,9 +296,7 @@ def register(fit: Fit, kinematics: Kinematics, known: Known) -> Registration:
         gain = covariance[:, at] / (covariance[at, at] + std**2)
         state += gain * (value - state[at])
         covariance -= np.outer(gain, covariance[at])
-    misfit = float(np.sqrt(np.mean((fit.singles[0] - fit.law) ** 2)))
-    law = Law(state[LAW], covariance[LAW, LAW], misfit)
-    pose = pose_of(state, kinematics.root)
+    law, pose = Law(state[LAW], covariance[LAW, LAW]), pose_of(state, kinematics.root)
     return Registration(
         pose, covariance[:4, :4], float(state[GROWTH]), law, fit.times, fit.singles[0],
         known.pose, fit.profile.rate(), known.place,
@@ -320,5 +317,5 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     root_std, turn_std = axes.root_std_mm * 1e-3, float(np.radians(axes.turn_std_deg))
     covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
     pose = Pose(1e3, float(np.radians(axes.turn_deg)), kinematics.root, at)
-    law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]), 0.0)
+    law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]))
     return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), pose)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from piv.files.atomic import sha256
 from postprocess.lab.dpiv_toml import NAME, Dpiv
-from postprocess.lab.flow import flow_quantities, tables
+from postprocess.lab.flow import corrected, flow_quantities
 from postprocess.lab.inputs import level_uncertainty
 from postprocess.lab.motion import (
     Comparison,
@@ -36,10 +36,10 @@ def compare(dpiv: Dpiv, case: Comparison) -> Compared:
     case = at_recorded_motion(case)
     quantities, series = motion_quantities(case), None
     if case.flow is not None:
-        measured = tables(case, case.flow)
-        quantities += flow_quantities(case, case.flow, measured)
+        quantities += flow_quantities(case, case.flow)
+        shown = case.measured | {"corrected": corrected(case)}
         series = pd.concat(
-            [t.set_index("time").add_suffix(f"_{name}") for name, t in measured.items()], axis=1
+            [t.set_index("time").add_suffix(f"_{name}") for name, t in shown.items()], axis=1
         ).reset_index()
     return Compared(dpiv, case, quantities, series)
 

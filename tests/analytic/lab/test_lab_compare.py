@@ -6,6 +6,7 @@ import pytest
 from docs.evidence.lab_renderer import Filmed
 from piv.vortices.find import VortexSettings
 from postprocess.lab.dpiv_toml import Evaluation
+from postprocess.lab.flow import with_flow
 from postprocess.lab.motion import Comparison
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.register import Law, Registration
@@ -47,12 +48,12 @@ def compared(tmp_path_factory):
         virtual = with_finger(virtual, kinematics, pose, kinematics.law(virtual["time"].values))
         x, y, instants = (data[name].values for name in ("x", "y", "time"))
         direct = camera_series(ours, pose, x, y, instants)
-        law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2, 0.0)
+        law = Law(np.array([1.0, 0.0, 1.0]), np.diag([1e-3, 2e-4, 1e-3]) ** 2)
         none, covariance = np.empty(0), np.diag([0.1, 0.1, 1e-3, 1e-3]) ** 2
         registration = Registration(pose, covariance, 0.0, law, none, none, pose)
         settings = VortexSettings(scale=4e-3, min_circulation=2e-4, weights="equal")
         sides = Sides(data, virtual, direct, settings, 24 * pose.pixel)
-        out[gain] = judged_of(Comparison(kinematics, registration, 0.0, sides))
+        out[gain] = judged_of(with_flow(Comparison(kinematics, registration, 0.0), sides, {}))
     return out
 
 

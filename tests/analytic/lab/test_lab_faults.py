@@ -224,7 +224,7 @@ def test_an_outline_of_another_thickness_is_named(kinematics, edge_px, change):
     recording = Rendered(kinematics, poses(kinematics)[1], kinematics.law(TIMES), SHAPE)
     images, known = [recording.frame(0)] * PICTURES, Known(poses(kinematics)[0], scale_std=0.01)
     fit = at(kinematics, poses(kinematics)[1], edge_px, images)
-    assert change in outline_causes(fit, {}, known, 0, [])[0]
+    assert change in outline_causes(fit, {}, known)[0]
 
 
 def test_a_turn_may_be_stated_as_exact(kinematics):

@@ -39,7 +39,7 @@ PATH = Path("recording/dpiv.toml")
 def case(tmp_path_factory):
     """A recording with 5 % more bend in 10 % less time; runs of pressure and duration."""
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
-    law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2, 0.0)
+    law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2)
     pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
     registration = Registration(pose, np.eye(4), 0.0, law, some, some, pose)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
