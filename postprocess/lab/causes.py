@@ -2,7 +2,7 @@
 
 Scale, root, clock, camera moved, outline: the first that explains the pictures stands first. The
 outline is tested at the scale, the root and each frame's bend that explain it best: where those
-leave nothing to explain it is not named, and where they cannot explain it they are not.
+leave nothing to explain it is not named, and where they cannot, it stands alone.
 The standard uncertainties of a fit hold for a silhouette that is the finger's. Where particles are
 missing beside the outline or lie within it, the fit may be off by many of them.
 """
@@ -67,9 +67,11 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     profile, motion = fit.profile, motion_causes(fit, kinematics, known)
     moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
     parts = {} if moved else _wrong_parts(profile)
-    # where no scale and root explain the outline, those that were fitted are its fault
-    stated = [] if parts or moved else [*scale_cause(fit, known), *root_causes(fit, known)]
-    causes = [*stated, *motion, *outline_causes(fit, parts, known)]
+    # scale, root and clock of an outline that is not the finger's are its fault
+    causes = [] if moved else outline_causes(fit, parts, known)
+    if not causes:
+        stated = [] if moved else [*scale_cause(fit, known), *root_causes(fit, known)]
+        causes = [*stated, *motion]
     missing = profile.rate() * profile.area[..., NEAR] - profile.count[..., NEAR]
     worst = int(np.argmax((profile.count[..., INSIDE] + missing).sum(axis=1)))
     wrong = np.isin(profile.part, list(parts))

@@ -83,10 +83,10 @@ class Comparison:
     registration: Registration
     bend_std: float
     flow: Sides | None = None
-    measured: dict[str, pd.DataFrame] = field(default_factory=dict)
     effects: list[Effect] = field(default_factory=list)
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
+    measured: dict[str, pd.DataFrame] = field(default_factory=dict)
 
     @property
     def of_motion(self) -> list[Effect]:
