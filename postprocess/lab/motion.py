@@ -239,17 +239,25 @@ def near_speed(plane: xr.Dataset) -> np.ndarray:
     return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
 
 
+def first_half_speed(case: Comparison, sides: Sides) -> float | None:
+    """Median of the water's speed over the simulation's, as of `speed_ratios`; None: unknown."""
+    if case.registration.times.size == 0:
+        return None
+    logs = speed_ratios(case, sides, FIRST_HALF)
+    return float(np.exp(np.median(logs))) if logs.size else None
+
+
 def check_rate(case: Comparison, sides: Sides, paired: bool, path: Path) -> None:
     """StageError that names frame_rate_hz of `path` where the water contradicts it.
 
     Of pictures that are no pairs the interval is wrong as well, and nothing shows it.
     """
-    law = case.registration.law
-    if not paired or case.registration.times.size == 0:
+    law, speed = case.registration.law, first_half_speed(case, sides)
+    if not paired or speed is None:
         return
-    away, logs = float(np.log(law.values[2])), speed_ratios(case, sides, FIRST_HALF)
+    away = float(np.log(law.values[2]))
     least = max(3 * law.std("stretch") / law.values[2], LEAST_STRETCH)
-    if abs(away) > least and logs.size and RATE[0] < np.median(logs) / away < RATE[1]:
+    if abs(away) > least and RATE[0] < np.log(speed) / away < RATE[1]:
         raise StageError(
             f"{path}: frame_rate_hz is about {np.exp(-away):.2f} times the true one: the finger"
             f" seems to take {np.exp(away):.2f} times as long as the simulation's, and the water"

@@ -214,7 +214,7 @@ def answer(result: dict[str, Any]) -> str:
     parts = [f"Motion: {WORDS[moves]}. Flow: {WORDS[result['flow']]}."]
     if moves is None:
         parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
-    parts += [_evidence(motion), _evidence(flow), _level(result, flow)]
+    parts += [_evidence(motion, flow), _level(result, flow)]
     if moves in (ERROR, DIFFERS):
         parts.append(_cause_of_motion(moves, result["registration"]))
     if wrong:
@@ -230,21 +230,27 @@ def answer(result: dict[str, Any]) -> str:
     return " ".join(part for part in parts if part)
 
 
-def _evidence(quantities: list[Quantity]) -> str:
-    """What differs, and by how much; else what is undecided, and which errors would be found."""
-    differs = [q for q in quantities if q["verdict"] in (ERROR, DIFFERS)]
-    wide = [q for q in quantities if q["verdict"] == UNCERTAIN]
-    if differs:
-        text = "; ".join(f"{q['label']}: {_off(q)}" for q in differs)
-        return f"{text[:1].upper()}{text[1:]}."
-    if wide:
-        text = ", ".join(
-            f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
-            for q in wide
-        )
-        return f"An error of {100 * TOO_UNCERTAIN:.0f}{PER_CENT} would not be seen: {text}."
-    text = ", ".join(f"{q['label']} {_relative(q)}" for q in quantities)
-    return f"Errors above these would have been found: {text}." if text else ""
+def _evidence(*groups: list[Quantity]) -> str:
+    """What differs, and by how much, what is undecided, and which errors would have been found."""
+    out, found = [], []
+    for group in groups:
+        wide = [q for q in group if q["verdict"] == UNCERTAIN]
+        if differs := [q for q in group if q["verdict"] in (ERROR, DIFFERS)]:
+            text = "; ".join(f"{q['label']}: {_off(q)}" for q in differs)
+            out.append(f"{text[:1].upper()}{text[1:]}.")
+        elif wide:
+            text = ", ".join(
+                f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
+                for q in wide
+            )
+            out.append(
+                f"An error of {100 * TOO_UNCERTAIN:.0f}{PER_CENT} would not be seen: {text}."
+            )
+        else:
+            found += [f"{q['label']} {_relative(q)}" for q in group]
+    if found:
+        out.append(f"Errors above these would have been found: {', '.join(found)}.")
+    return " ".join(out)
 
 
 def _off(q: Quantity) -> str:

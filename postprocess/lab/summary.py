@@ -15,6 +15,7 @@ from postprocess.lab.motion import (
     Comparison,
     at_recorded_motion,
     constant_ratio,
+    first_half_speed,
     motion_quantities,
 )
 from postprocess.lab.recorded import recording_quality
@@ -61,6 +62,7 @@ def summary(compared: list[Compared]) -> dict[str, Any]:
         },
         **verdicts(rows),
         "all_water": constant_ratio(first.case, flow) if flow else None,
+        "water_speed": first_half_speed(first.case, flow) if flow else None,
         "data": ", ".join(one.dpiv.title for one in compared),
         "registration": first.case.registration.summary(),
         "quality": recording_quality(
