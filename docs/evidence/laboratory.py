@@ -333,7 +333,7 @@ def main() -> None:
     folder = nominal.out / "blind"
     for seed in range(asked.first, asked.last + 1):
         old = pd.read_csv(asked.table) if asked.table.exists() else pd.DataFrame(columns=KEYS)
-        mine = seed, nominal.scene.name, asked.level, asked.coupled
+        mine = [seed, nominal.scene.name, asked.level, asked.coupled]
         same = (old[KEYS] == mine).all(axis=1)
         if same.any() and not asked.again:
             continue
