@@ -54,7 +54,7 @@ def test_vectors_come_back_in_metres(tmp_path, written, files):
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("frame_rate_hz = 100.0", "frame_rate_hz = 500.0", r"is 500, but .* 100 fields per second"),
+        ("frame_rate_hz = 100", "frame_rate_hz = 500", r"is 500, but .* 100 fields per second"),
         ('y = "up"', 'y = "down"', 'state y = "up"'),
         ("vectors = { std_px = 0.05 }", "", r"give vectors\.std_px"),
         ('"v.h5"', '"dpiv.toml"', "is no series of vectors; "),
