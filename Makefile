@@ -7,7 +7,7 @@ NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP COUPLED PIV ACCURACY BUDGET SLURM DPIV
 TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
-    bench-piv evidence audit clean
+    bench-piv benchmark evidence audit clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
@@ -95,6 +95,9 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
+
+benchmark: $(READY) ## PIV recordings with exact truth, for any program: benchmark/ (minutes)
+	@$(PY) -m docs.evidence.benchmark
 
 evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night)
 	@$(PY) -m docs.evidence.costs

@@ -25,6 +25,7 @@ COMMANDS = {
     "pressure": "pressure of the water and its loads on outlines, from a series",
     "profile": "vectors along a line, as CSV",
     "spectrum": "power spectra in time or space, as CSV",
+    "score": "vectors of any program against the exact truth of a recording",
     "view": "images and vectors in the browser: masks, measures, settings to try",
     "convert": "vectors of OpenPIV, PIVlab, DaVis, TSI and others; to CSV, MATLAB, VTK",
 }
@@ -41,6 +42,7 @@ WRITTEN = {  # the endings of a command's output; the others look at theirs them
     "pressure": (".h5",),
     "profile": (".csv",),
     "spectrum": (".csv",),
+    "score": (".csv",),
     "view": (".json",),
 }
 

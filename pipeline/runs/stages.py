@@ -94,7 +94,7 @@ STAGES = (
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",
         ("images",), ("piv.h5",), {"piv": True},
-        version=2, piv=True, cost=(25, 800), threads=True,
+        version=3, piv=True, cost=(25, 800), threads=True,
     ),
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",

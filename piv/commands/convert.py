@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -26,6 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help=".h5, .nc (pivpy), .csv, .mat, .vti",
     )
+    add_reading(parser)
+    for name in ("u", "v"):
+        parser.add_argument(
+            f"--{name}-limits",
+            type=float,
+            nargs=2,
+            metavar=("LOW", "HIGH"),
+            help=f"vectors with {name} outside are outliers, in the unit of the result",
+        )
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Options of how other programs' vectors are read."""
     parser.add_argument(
         "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"
     )
@@ -52,31 +66,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked"
     )
-    for name in ("u", "v"):
-        parser.add_argument(
-            f"--{name}-limits",
-            type=float,
-            nargs=2,
-            metavar=("LOW", "HIGH"),
-            help=f"vectors with {name} outside are outliers, in the unit of the result",
-        )
+
+
+def reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Those options as `read_vectors` takes them."""
+    return {
+        "kind": args.kind,
+        "rate": args.rate,
+        "keep_replaced": args.keep_replaced,
+        "zero_is_absent": args.zero_is_absent,
+        "length_unit": args.length_unit,
+        "velocity_unit": args.velocity_unit,
+        "y_axis": args.y_axis,
+        "scale_mm_per_px": args.scale_mm_per_px,
+        "interval": args.interval,
+        "image_rows": args.image_rows,
+    }
 
 
 def run(args: argparse.Namespace) -> None:
     """Convert vectors from one format to another."""
-    plane = read_vectors(
-        args.input,
-        kind=args.kind,
-        rate=args.rate,
-        keep_replaced=args.keep_replaced,
-        zero_is_absent=args.zero_is_absent,
-        length_unit=args.length_unit,
-        velocity_unit=args.velocity_unit,
-        y_axis=args.y_axis,
-        scale_mm_per_px=args.scale_mm_per_px,
-        interval=args.interval,
-        image_rows=args.image_rows,
-    )
+    plane = read_vectors(args.input, **reading(args))
     plane = limited(plane, {n: getattr(args, f"{n}_limits") for n in ("u", "v")})
     files = write_vectors(plane, args.output)
     if not args.quiet:

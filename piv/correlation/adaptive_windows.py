@@ -50,8 +50,9 @@ _CERTAIN = 3.0  # standard errors
 LEFT = 1.09
 # of the variance that the largest window does not resolve, where nodes are denser only
 _UNRESOLVED = 0.6
-# on the variance of windows of `side` over the largest: 70 % of the errors are then covered
-SMALLER, GROWTH = 2.2, 1.5  # SMALLER side^GROWTH; the wider ones leave more unresolved
+# on the variance of windows of a `side` in px: SMALLER (side/SIDE)^GROWTH covers 70 % of the
+# errors; the wider ones leave more unresolved
+SMALLER, GROWTH, SIDE = 2.2, 1.5, 32.0
 ALIKE = 0.8  # mean correlation of unresolved displacement between neighbouring cells
 
 
@@ -196,6 +197,7 @@ def _errors(
         else:
             gain, kept = noise_budget(sigma, spacing, passes, not alike)
             noise = correlation_statistics(nodes, replace(v, sums=sums), sigma, kept, alike)
-            terms = [SMALLER * level**GROWTH * gain * e for e in noise] + [0.0, 0.0]
+            factor = SMALLER * (level * options.window / SIDE) ** GROWTH * gain
+            terms = [factor * e for e in noise] + [0.0, 0.0]
         total = [t + weight * e for t, e in zip(total, terms, strict=True)]
     return Errors(*total)

@@ -26,7 +26,7 @@ from piv.correlation.pair_images import Prepared, image_buffers
 from piv.correlation.passes import reseed, run_passes, strip_spectra
 from piv.correlation.prefilter import Kernel, Powers
 from piv.correlation.steep_regions import measure_steep_regions
-from piv.correlation.uncertainty import INTERPOLATION, Errors
+from piv.correlation.uncertainty import INTERPOLATION, Errors, unseen
 from piv.formats.plane_series import (
     FLAGS,
     MASKED,
@@ -110,15 +110,14 @@ def to_dataset(
     doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
     known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
     var_x, var_y = errors.var_x, errors.var_y
+    below = unseen(nodes, v, np.stack([var_x, var_y]), options)
     if options.smoothing:
         dx, dy, var_x, var_y = damp_noise(
             dx, dy, var_x, var_y, known,
             sigma=options.sigma, spacing=spacing, passes=options.full_steps, ratio=v.ratio,
         )  # fmt: skip
-    std_x, std_y = (
-        np.sqrt(var + missed + INTERPOLATION**2)
-        for var, missed in ((var_x, errors.missed_x), (var_y, errors.missed_y))
-    )
+    missed = below + np.stack([errors.missed_x, errors.missed_y])
+    std_x, std_y = np.sqrt(np.stack([var_x, var_y]) + missed + INTERPOLATION**2)
     worst = np.maximum(std_x, std_y)
     above = known & (worst > options.max_std)
     if v.steep is not None:

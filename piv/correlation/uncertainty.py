@@ -13,6 +13,7 @@ from piv.correlation.cell_moments import CELL
 from piv.correlation.newton_step import Displacements
 from piv.correlation.nodes import Nodes
 from piv.correlation.options import Options
+from piv.validation.outliers import fill_absent
 
 # Set on rendered images so that one standard uncertainty covers two thirds of the errors (74 %
 # without). It covers 60-76 % in every condition of the benchmark except structures shorter than the
@@ -28,6 +29,12 @@ FEW = 5.0  # cells with texture: with so few in a window the variance doubles
 # the same below LEAST_KEPT: 5 leaves a tenth of sparse images' vectors wrong, 9 rejects dense ones
 FEW_SMALL = 7.0
 INTERPOLATION = 0.0005  # px: interpolation error without any noise
+# turbulence below the windows: squared second differences over REACH windows grow by 2^STEEP over
+# twice the distance, and by more in flows that the windows resolve (2.0 in a sine of 64 px)
+STEEP, REACH = (1.6, 2.0), 0.6
+# its variance over theirs: where windows are too small for their residuals to show it, and where
+# they adapted, which counts most of it with the noise
+UNSEEN, UNSEEN_ADAPTED = 0.02, 0.004
 
 
 class Errors(NamedTuple):
@@ -172,3 +179,47 @@ def unresolved(nodes: Nodes, v: Displacements, sigma: float):
                 variance = np.maximum(variance, np.where(sure, shared / curvature, 0))
         out.append(nodes.from_cells(variance))
     return out[0], out[1]
+
+
+def unseen(nodes: Nodes, v: Displacements, variance: ndarray, options: Options) -> ndarray:
+    """Variances (2, y, x; px²) of turbulence below windows whose residuals do not show it.
+
+    Where the second differences over half a window grow with distance as slowly as in turbulence,
+    the spectrum goes on below the window: its variance there is a share of theirs, without noise.
+    variance: (2, y, x), of the noise.
+    """
+    spacing = float(nodes.x[1] - nodes.x[0])
+    share = np.zeros(v.dx.shape, np.float32)
+    if noise_budget(options.sigma, spacing, options.full_steps)[1] < LEAST_KEPT:
+        share[:] = UNSEEN
+    elif v.ratio is not None:
+        share[v.ratio < 1] = UNSEEN_ADAPTED
+    if not (share.any() and v.known.any()):
+        return np.zeros_like(variance)
+    reach, width = max(1, round(REACH * options.window / spacing)), WIDER * options.window / spacing
+    weight = v.known.astype(np.float32)
+
+    def mean(field: ndarray) -> ndarray:
+        blurred = (cv2.GaussianBlur(f * weight, (0, 0), width) for f in (field, weight))
+        return next(blurred) / np.maximum(next(blurred), 1e-6)
+
+    fields = fill_absent(v.dx, v.dy, v.known)
+    near, far = (
+        np.stack([mean(_second_differences(f, k * reach)) for f in fields]) for k in (1, 2)
+    )
+    noise = np.stack([mean(np.where(v.known, part, 0)) for part in variance])
+    near, far = (np.maximum(part - noise, 1e-12) for part in (near, far))
+    growth = np.log2(far.sum(axis=0) / near.sum(axis=0))
+    return share * np.interp(growth, STEEP, (1, 0)).astype(np.float32) * near
+
+
+def _second_differences(field: ndarray, reach: int) -> ndarray:
+    """Squares of the differences from the mean of four neighbours, `reach` nodes away."""
+    wide = np.pad(field, reach, mode="reflect", reflect_type="odd")
+    rows, columns = field.shape
+    middle, far = reach, 2 * reach
+    around = sum(
+        wide[j : j + rows, i : i + columns]
+        for j, i in ((0, middle), (far, middle), (middle, 0), (middle, far))
+    )
+    return np.square(field - around / 4).astype(np.float32)

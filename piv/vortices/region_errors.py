@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy import ndarray
+from scipy.special import ndtr
 
 from piv.vortices.region_measures import (
     CIRCLE,
@@ -29,6 +30,10 @@ OF_WEIGHTS = 4e-5
 # what windows and their smoothing err alike over a vortex: of a circulation, and of a radius the
 # factor of the square of the errors' length over it
 OF_PIV, OF_WINDOWS = 0.0012, 0.0085
+# smoothing that the plane's border cuts makes vorticity beside it too large: relative errors are
+# the cut share of a region's smoothing to this power, in Lamb-Oseen vortices of 0.3 to 3 smoothing
+# lengths whose centres are 2 to 8 of them from a border, to a third
+OF_BORDER = 0.7
 # errors of PIV over those of the replicas: x, y, circulation, radius, peak, circle
 OF_REPLICAS = np.array([0.66, 0.66, 0.82, 1.0, 1.55, 0.82])
 
@@ -37,7 +42,8 @@ def of_grid(patch: Patch, p: Plane, scale: float, m: Measures, own: list[ndarray
     """Standard uncertainties of a region's measures by the grid and by what is hidden.
 
     Where its `own` points end at absent vectors that are not at a wall, what lies within half a
-    window beyond is unknown; so is what lies at absent vectors that were bridged.
+    window beyond is unknown; so is what lies at absent vectors that were bridged, and what the
+    smoothing would take from beyond the plane's border.
     """
     c, box = patch.c, patch.box
     step = max(p.step)
@@ -51,10 +57,25 @@ def of_grid(patch: Patch, p: Plane, scale: float, m: Measures, own: list[ndarray
         share = part * np.maximum(c.omega, 0.0) * step / circulation
         relative[of] = np.hypot(relative[of], share[hidden].sum() * p.correlated / 2)
         relative[of] = np.hypot(relative[of], share[c.known & ~p.valid[box]].sum() * step)
+    cut = _cut_shares(patch, p, scale) ** OF_BORDER
+    relative = np.hypot(relative, [*cut, *[cut.max()] * 4])
     if p.noise is not None:
         relative[[2, 5]] = np.hypot(relative[[2, 5]], OF_PIV)
         relative[3] = np.hypot(relative[3], OF_WINDOWS * (p.correlated / m.radius) ** 2)
     return relative * sizes
+
+
+def _cut_shares(patch: Patch, p: Plane, scale: float) -> ndarray:
+    """Shares (x, y) of the region's smoothing weights that lie beyond the plane's border."""
+    inside = patch.mask * np.maximum(patch.c.omega, 0.0)
+    shares = []
+    for axis, step, part, sums in zip(
+        (p.x, p.y), p.step, patch.box[::-1], (inside.sum(axis=0), inside.sum(axis=1)), strict=True
+    ):
+        ends = np.array([axis[0] - step / 2, axis[-1] + step / 2])[:, None]
+        below, above = ndtr((ends - axis[part]) / scale)
+        shares.append(np.average(1 - above + below, weights=sums))
+    return np.array(shares)
 
 
 def of_vectors(

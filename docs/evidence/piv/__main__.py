@@ -10,7 +10,15 @@ import subprocess
 import sys
 from importlib import import_module
 
-STUDIES = ("limits", "benchmark", "turbulence", "public_data", "vortex_errors", "costs")
+STUDIES = (
+    "limits",
+    "benchmark",
+    "turbulence",
+    "public_data",
+    "vortex_errors",
+    "exact_truth",
+    "costs",
+)
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m docs.evidence.piv", description=__doc__)

@@ -28,6 +28,7 @@ PIVTOOLS = {
     "PIVtools 64-32-32": ([[64, 64], [32, 32], [32, 32]], [50, 50, 75]),
     "PIVtools 64-32-16": ([[64, 64], [32, 32], [16, 16]], [50, 50, 50]),
 }
+FLUIDIMAGE = {"fluidimage 64-32-16": (64, 3), "fluidimage 48-24": (48, 2)}  # window, passes
 
 
 def openpiv(a, b, windows, overlaps, lax):
@@ -43,6 +44,24 @@ def openpiv(a, b, windows, overlaps, lax):
     x, y, u, v, _ = windef.simple_multipass(a.astype(np.int32), b.astype(np.int32), s)
     order = np.argsort(y[:, 0])
     return x[0], y[order, 0], np.asarray(u)[order], np.asarray(v)[order]
+
+
+def fluidimage(a, b, window, passes):
+    """Its multi-pass with windows that move by whole pixels; places lie up to 0.5 px off a grid."""
+    from fluidimage.data_objects.piv import ArrayCouple
+    from fluidimage.works.piv.multipass import WorkPIV
+
+    params = WorkPIV.create_default_params()
+    params.piv0.shape_crop_im0, params.multipass.number = window, passes
+    params.multipass.use_tps = False
+    couple = ArrayCouple(names=("a", "b"), arrays=(a.astype(float), b.astype(float)))
+    last = WorkPIV(params).calcul(couple).passes[-1]
+    (x, column), (y, row) = (
+        np.unique(np.floor(places), return_inverse=True) for places in (last.xs, last.ys)
+    )
+    u, v = np.full((2, y.size, x.size), np.nan)
+    u[row, column], v[row, column] = last.deltaxs, -last.deltays
+    return x + 0.25, a.shape[0] - 1.25 - y[::-1], u[::-1], v[::-1]
 
 
 class PIVtools:
@@ -85,6 +104,7 @@ def main(folder: Path) -> None:
     methods: dict[str, Callable] = {
         n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()
     }
+    methods |= {n: (lambda a, b, s=s: fluidimage(a, b, *s)) for n, s in FLUIDIMAGE.items()}
     methods |= {n: PIVtools(*s, shape) for n, s in PIVTOOLS.items()}
     warm = np.load(files[0])
     for method in methods.values():
@@ -108,7 +128,7 @@ def digest(file: Path) -> str:
     """Of the images of a pair, of what the peers are asked for, and of the installed libraries."""
     pair = np.load(file)
     installed = sorted(f"{d.name} {d.version}" for d in distributions())
-    asked = repr((OPENPIV, PIVTOOLS, installed)).encode()
+    asked = repr((OPENPIV, PIVTOOLS, FLUIDIMAGE, installed)).encode()
     return hashlib.sha256(pair["a"].tobytes() + pair["b"].tobytes() + asked).hexdigest()
 
 

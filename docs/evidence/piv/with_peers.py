@@ -1,7 +1,7 @@
 """The same pairs of images by the project and by its peers, in their environment.
 
-OpenPIV 0.26 (windef, four configurations) and PIVtools 0.7 are installed in `.venv-bench` at the
-first run, or where BENCH_VENV says.
+OpenPIV 0.26 (windef, four configurations), PIVtools 0.7 and fluidimage 0.5 (two each) are installed
+in `.venv-bench` at the first run, or where BENCH_VENV says.
 """
 
 import os
@@ -20,10 +20,11 @@ from docs.evidence.piv.scores import Errors, judged
 from piv.correlation.pair import correlate_pair
 
 BENCH = Path(os.environ.get("BENCH_VENV", Path(__file__).resolve().parents[3] / ".venv-bench"))
-PEER_NAMES = ("OpenPIV", "PIVtools")
+PEER_NAMES = ("OpenPIV", "PIVtools", "fluidimage")
 OURS = "this project"
 PEERS = [
-    "openpiv==0.26.0", "dask[distributed]", "dask-image", "loguru", "lz4", "pandas", "pillow",
+    "openpiv==0.26.0", "fluidimage==0.5.5",
+    "dask[distributed]", "dask-image", "loguru", "lz4", "pandas", "pillow",
     "PyYAML", "tifffile", "tqdm", "psutil", "scikit-image", "bottleneck", "scikit-learn",
     "threadpoolctl", "matplotlib", "cinereader", "rawpy", "numba", "opencv-python-headless",
 ]  # fmt: skip

@@ -68,9 +68,11 @@ def test_smoothing_helps_and_the_uncertainty_holds(rms, noise):
     assert 0.58 < cover < 0.80  # 60 to 76 % of whole planes; one picture scatters by ±2 %
 
 
-def test_the_uncertainty_holds_in_strong_turbulence():
-    e, std, _ = errors(2.5, 0.03)
-    # 66 % on whole planes of seeds 5101-5104; one picture scatters by ±2 %
+@pytest.mark.parametrize("window", [24, 32, 48])
+def test_the_uncertainty_holds_in_strong_turbulence(window):
+    e, std, _ = errors(2.5, 0.03, window=window)
+    # 70 to 73 % with 32 px on whole planes of seeds 7001-7003, 67 to 72 % in the others' pictures;
+    # what lies below the window was left out: 52 % with 24 px, 41 % with 48
     assert 0.6 < np.mean((np.abs(e) < std)[np.isfinite(e)]) < 0.80
 
 
