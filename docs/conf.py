@@ -13,7 +13,8 @@ from piv import __version__  # noqa: E402
 
 project = "Soft finger in water"
 version = release = __version__
-extensions = ["myst_parser", "autoapi.extension"]
+extensions = ["myst_parser", "autoapi.extension", "sphinx.ext.napoleon"]
+napoleon_google_docstring = False
 myst_heading_anchors = 4
 highlight_language = "none"
 suppress_warnings = [
@@ -59,7 +60,7 @@ PAGE_OF = {file: page for page, (_, file, _) in TAKEN.items()} | {"README.md": "
 
 
 def fill_page(app, page, source):
-    """Fill a page of TAKEN or the list of public names; point links at pages of the site."""
+    """Fill a page of TAKEN or the public names; point links at pages of the site."""
     text, folder = source[0], (DOCS / page).parent
     if page.startswith("api/"):  # reStructuredText, not Markdown
         source[0] = PAGE_NAME.sub(
@@ -113,33 +114,45 @@ def relink(text, of, to):
 
 
 def public_names():
-    """Table of the public names of `piv`, each with a link to its module's page."""
-    tree = ast.parse((ROOT / "piv" / "__init__.py").read_text(encoding="utf-8"))
+    """The public names of `piv`: link to the description, first line of it, and its example."""
+    modules = value_of("_MODULES", ROOT / "piv" / "__init__.py")
+    parts = [""]
+    for module, names in modules.items():
+        file = ROOT / f"{module.replace('.', '/')}.py"
+        nodes = ast.parse(file.read_text(encoding="utf-8")).body
+        texts = {node.name: ast.get_docstring(node) for node in nodes if hasattr(node, "name")}
+        for name in names:
+            about, _, example = texts[name].partition("Examples\n--------\n")
+            parts.append(f"## {name}\n{{py:obj}}`{module}.{name}`: {about.splitlines()[0]}\n")
+            parts.append(f"```python\n{example.strip()}\n```\n")
+    return "\n".join(parts)
+
+
+def value_of(name, file):
+    """The literal that a module assigns to a name."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
     value = next(
         node.value
         for node in tree.body
-        if isinstance(node, ast.Assign) and node.targets[0].id == "_MODULES"
+        if isinstance(node, ast.Assign) and node.targets[0].id == name
     )
-    rows = [
-        f"| {{py:obj}}`{name} <{module}.{name}>` | `{module}` |"
-        for module, names in ast.literal_eval(value).items()
-        for name in names
-    ]
-    return "\n".join(["", "| name | defined in |", "|---|---|", *rows, ""])
+    return ast.literal_eval(value)
 
 
 def as_restructured_text(app, what, name, obj, options, lines):
     """Docstrings are plain text with `code`: mark the code, take all other letters as they are."""
-    parts = re.split(r"(`+[^`]+`+)", "\n".join(lines))
+    text, heading, example = "\n".join(lines).partition("\nExamples\n--------\n")
+    parts = re.split(r"(`+[^`]+`+)", text)
     marked = (
         f"``{part.strip('`')}``"
         if part.startswith("`")
         else re.sub(r"([*|`\\]|(?<=\w)_(?=\W|$))", r"\\\1", part)
         for part in parts
     )
-    lines[:] = "".join(marked).split("\n")
+    lines[:] = ("".join(marked) + heading + example).split("\n")
 
 
 def setup(app):
     app.connect("source-read", fill_page)
-    app.connect("autodoc-process-docstring", as_restructured_text)
+    # before napoleon reads the sections
+    app.connect("autodoc-process-docstring", as_restructured_text, priority=100)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from piv.foreign.read import open_vectors as open_vectors
     from piv.foreign.read import read_vectors as read_vectors
     from piv.foreign.write import write_vectors as write_vectors
+    from piv.formats.plane_series import make_plane as make_plane
     from piv.formats.plane_series import read_plane as read_plane
     from piv.formats.plane_series import usable as usable
     from piv.formats.plane_series import write_plane as write_plane
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from piv.vortices.table import tabulate_vortices as tabulate_vortices
 
 _MODULES = {
-    "piv.formats.plane_series": ("read_plane", "usable", "write_plane"),
+    "piv.formats.plane_series": ("make_plane", "read_plane", "usable", "write_plane"),
     "piv.correlation.options": ("Options",),
     "piv.correlation.pair": ("correlate_pair",),
     "piv.fields.derived": ("derived",),

@@ -19,7 +19,16 @@ WINDOW = (8, 512)  # px: bounds of Options.window
 
 @dataclass(frozen=True)
 class Options:
-    """How images are correlated; lengths in px."""
+    """How images are correlated; lengths in px.
+
+    `piv correlate --help` explains every field, which is an option there. ValueError where one is
+    out of its range.
+
+    Examples
+    --------
+    >>> piv.Options(window=24).sigma  # of the window's Gaussian weight
+    6.0
+    """
 
     window: Annotated[
         float, "side of the correlation window, px: its weight is a Gaussian of σ = window/4"

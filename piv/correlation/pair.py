@@ -52,14 +52,37 @@ _CHANCE = 0.2  # with fewer, an uncertain vector may be anything
 def correlate_pair(
     a: Any, b: Any, *, mask: Any = None, **options: Unpack[OptionWords]
 ) -> xr.Dataset:
-    """Displacement from image `a` to image `b`, in px, on a regular grid of vectors.
+    """Measure the displacement from image `a` to image `b` on a regular grid of vectors.
 
-    a, b: 2-D, row 0 at the top, any real dtype; mask: 2-D, true = body, one for both or (mask_a,
-    mask_b); options: see piv.correlation.options.Options. The result has coordinates x (px right of
-    the centre of the left column), y (px up from the centre of the bottom row), ascending, and u, v
-    (px per frame interval, v positive upward; NaN where absent), valid (0 also where a known vector
-    is uncertain), flag (FLAGS), u_std, v_std (standard uncertainty), correlation. ValueError where
-    the input cannot be used.
+    Parameters
+    ----------
+    a, b
+        Grey values (row, column) of any real kind, row 0 at the top.
+    mask
+        (row, column), true = body; one for both, or (mask_a, mask_b).
+    options
+        Fields of `Options`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over x (px right of the centre of the left column) and y (px up from the centre of the
+        bottom row): u, v (px per frame interval, v upward, NaN where absent), valid (0 also where a
+        known vector is uncertain), flag, u_std, v_std (standard uncertainty), correlation.
+
+    Raises
+    ------
+    ValueError
+        Where the images cannot be correlated, or an option is out of its range.
+    TypeError
+        For an unknown option, with the nearest spelling.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     field = piv.correlate_pair(film.frame(0), film.frame(1), window=24, spacing=12)
+    >>> sorted(field.data_vars)
+    ['correlation', 'flag', 'u', 'u_std', 'v', 'v_std', 'valid']
     """
     settings = Options(**options)
 

@@ -26,16 +26,40 @@ REACH = 2  # grid points that a derivative looks at on either side
 def derived(
     plane: xr.Dataset, quantities: tuple[str, ...] = QUANTITIES, **options: Any
 ) -> xr.Dataset:
-    """The plane (series) with `quantities` and, with u_std and v_std, their `<name>_std`.
-
-    options: scheme, correlation_length.
+    """Add vorticity and other derivatives to a plane or series, with their standard uncertainties.
 
     vorticity dv/dx - du/dy, divergence du/dx + dv/dy, strain: largest in-plane shear strain rate
     sqrt((du/dx - dv/dy)²/4 + (du/dy + dv/dx)²/4), swirling_strength and q as of
-    `piv.vortices.criteria`; in 1/s (q: 1/s²), or per frame. Scheme as of `criteria.gradients`.
-    Uncertainty to first order, errors of u and v independent of one another, those of neighbours d
-    apart correlated by exp(-2 (d/correlation_length)²), in the plane's unit; None: `window_of` the
-    plane. All in memory: `derived_blocks` for more.
+    `piv.vortices.criteria`; in 1/s (q: 1/s²), or per frame. Uncertainty to first order, errors of u
+    and v independent of one another, those of neighbours d apart correlated by exp(-2
+    (d/correlation_length)²). All in memory: `derived_blocks` for more.
+
+    Parameters
+    ----------
+    plane
+        A plane or series.
+    quantities
+        Names of what is added; `<name>_std` goes with each where u_std and v_std are known.
+    options
+        scheme, as of `criteria.gradients`; correlation_length in the plane's unit, by default the
+        side of the PIV window.
+
+    Returns
+    -------
+    xarray.Dataset
+        The plane with the quantities.
+
+    Raises
+    ------
+    ValueError
+        For an unknown quantity.
+
+    Examples
+    --------
+    >>> x = np.arange(0, 0.16, 0.008)
+    >>> rotation = piv.make_plane(x, x, *np.meshgrid(-2 * x, 2 * x)[::-1])  # solid body, 2 rad/s
+    >>> float(piv.derived(rotation)["vorticity"][5, 5].round(3))
+    -4.0
     """
     parts = list(derived_blocks(plane, quantities, **options))
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]

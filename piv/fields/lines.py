@@ -43,11 +43,11 @@ def along_line(
 
     Examples
     --------
-    >>> import piv
-    >>> field = piv.correlate("docs/tutorials/frames", window=24, every=9).isel(time=0)
-    >>> line = piv.along_line(field, (20, 90), (180, 90))
-    >>> line["across"].dims, line.sizes["s"]
-    (('s',), 21)
+    >>> x = np.arange(0, 0.16, 0.008)
+    >>> plane = piv.make_plane(x, x, *np.meshgrid(0.5 * x, -0.5 * x))
+    >>> line = piv.along_line(plane, (0, 0.08), (0.08, 0.08), 3)
+    >>> line["along"].values
+    array([0.  , 0.02, 0.04])
     """
     (x0, y0), (x1, y1) = start, end
     length = float(np.hypot(x1 - x0, y1 - y0))

@@ -45,10 +45,37 @@ def _step(axis: ndarray, name: str) -> float:
 def time_spectrum(
     series: xr.Dataset, points: list[tuple[float, float]], segments: int = 1
 ) -> pd.DataFrame:
-    """Spectra of u and v at the vectors nearest to `points` (x, y), averaged, also over `segments`.
+    """Compute spectra of u and v over time at the vectors nearest to points, averaged.
 
-    Columns frequency (Hz, or per frame), psd_u, psd_v, averaged (number of records). Records with
-    less than half of their vectors are left out.
+    Lomb-Scargle periodograms; records with less than half of their vectors are left out.
+
+    Parameters
+    ----------
+    series
+        A plane series with evenly spaced instants, at least 8.
+    points
+        (x, y) of each point.
+    segments
+        Parts of the record that are averaged, too.
+
+    Returns
+    -------
+    pandas.DataFrame
+        frequency (Hz, or per frame), psd_u, psd_v and averaged, the number of records.
+
+    Raises
+    ------
+    ValueError
+        For a plane, a point outside, or too few instants.
+
+    Examples
+    --------
+    >>> t = np.arange(64) / 32
+    >>> u = np.sin(2 * np.pi * 4 * t)[:, None, None] * np.ones((3, 4))
+    >>> series = piv.make_plane(np.arange(4.0), np.arange(3.0), u, u, time=t)
+    >>> spectrum = piv.time_spectrum(series, [(1, 1)])
+    >>> float(spectrum["frequency"][spectrum["psd_u"].idxmax()])
+    4.0
     """
     if "time" not in series["u"].dims:
         raise ValueError("a spectrum in time needs a series, this is a single plane")
@@ -82,9 +109,32 @@ def time_spectrum(
 
 
 def space_spectrum(plane: xr.Dataset, axis: str) -> pd.DataFrame:
-    """Spectra of u and v along `axis` (x or y), averaged over lines and instants.
+    """Compute spectra of u and v along x or y, averaged over lines and instants.
 
-    Columns as of `time_spectrum`; frequency in cycles per length.
+    Parameters
+    ----------
+    plane
+        A plane or series.
+    axis
+        "x" or "y".
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns as of `time_spectrum`; frequency in cycles per length.
+
+    Raises
+    ------
+    ValueError
+        For another axis, or fewer than 8 vectors along it.
+
+    Examples
+    --------
+    >>> x = np.arange(32) / 16
+    >>> u = np.ones((3, 1)) * np.sin(2 * np.pi * 2 * x)
+    >>> spectrum = piv.space_spectrum(piv.make_plane(x, np.arange(3.0), u, u), "x")
+    >>> float(spectrum["frequency"][spectrum["psd_u"].idxmax()])
+    2.0
     """
     if axis not in ("x", "y"):
         raise ValueError(f"spectra in space are along x or y, not {axis!r}")

@@ -31,6 +31,7 @@ class ResumableFile:
         self, path: str | Path, count: int, identity: Any, attrs: Mapping[str, Any]
     ) -> None:
         self.path = Path(path)
+        # rdcc_nbytes=0 below: items are written once; HDF5 would keep 8 MB of each variable
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
         self._open: dict[str, h5py.Dataset] = {}  # a look-up takes as long as a write
@@ -49,7 +50,7 @@ class ResumableFile:
             return False
         try:
             check_hdf5(self.part)
-            self._file = DiskFile(self.part, "r+")
+            self._file = DiskFile(self.part, "r+", rdcc_nbytes=0)
         except (OSError, ValueError):
             return False  # killed while the file was being created
         if self._file.attrs.get("_identity") == self._identity:
@@ -58,7 +59,7 @@ class ResumableFile:
         return False
 
     def _begin(self, attrs: Mapping[str, Any]) -> None:
-        self._file = DiskFile(self.part, "w")
+        self._file = DiskFile(self.part, "w", rdcc_nbytes=0)
         try:
             self._create()
             self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))

@@ -151,12 +151,43 @@ def read_vectors(
     zero_is_absent: bool = False,
     **units: Any,
 ) -> xr.Dataset:
-    """Vectors of one file (a plane) or of several, one instant each (a series), as a plane in SI.
+    """Read vectors of any program: one file as a plane, several as a series, in SI or px.
 
-    `kind` overrides the guess from the name; `units` go to `to_plane`. A series needs its `rate`
-    (Hz) where its files hold no times. `zero_is_absent`: vectors of exactly (0, 0), which some
-    programs write where they have none, become masked. Files of this project stay as they are but
-    for vectors in px, which scale and interval take to SI.
+    Parameters
+    ----------
+    paths
+        One name, or those of a series, one instant each. Files of this project stay as they are but
+        for vectors in px, which scale and interval take to SI.
+    kind
+        text, pivlab, davis, pivpy or plane, where the suffix does not tell.
+    rate
+        Instants per second, where the files hold no times.
+    keep_replaced
+        Whether vectors that PIVlab interpolated are kept, with flag 4.
+    zero_is_absent
+        Whether vectors of exactly (0, 0) are masked.
+    units
+        length_unit, velocity_unit, y_axis ("up" or "down"), scale_mm_per_px, interval (s between
+        the exposures), image_rows (of px that count downwards), where the files do not state them.
+
+    Returns
+    -------
+    xarray.Dataset
+        A plane or series, y up.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        With the names of the options that are missing, or that contradict the file.
+
+    Examples
+    --------
+    >>> rows = "".join(f"{x} {y} 1.5 0.5\\n" for y in (8, 16) for x in (8, 16, 24))
+    >>> _ = open("openpiv.txt", "w").write(rows)
+    >>> plane = piv.read_vectors("openpiv.txt", length_unit="px", velocity_unit="px/frame",
+    ...                          y_axis="down", image_rows=32)
+    >>> plane["y"].values, float(plane["v"][0, 0])
+    (array([15., 23.]), -0.5)
     """
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     if not files:
@@ -269,9 +300,29 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
 
 
 def open_vectors(path: str | Path) -> xr.Dataset:
-    """Vectors of one file: a plane series .h5 lazily, or another file that states its units.
+    """Open vectors of one file: a plane series .h5 lazily, or another that states its units.
 
-    ValueError, or FileNotFoundError, in one sentence.
+    Parameters
+    ----------
+    path
+        .h5, or a file that `read_vectors` takes without options.
+
+    Returns
+    -------
+    xarray.Dataset
+        A plane or series.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        One sentence with the file and the remedy.
+
+    Examples
+    --------
+    >>> field = piv.correlate("docs/tutorials/frames", window=24, output="vectors.h5")
+    >>> with piv.open_vectors("vectors.h5") as series:
+    ...     series.sizes["time"]
+    5
     """
     path = Path(path)
     if not path.is_file():

@@ -18,7 +18,30 @@ def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
     """Write a plane or series by suffix: .h5, .nc (pivpy), .csv, .mat, .vti.
 
     Every format holds every field. A series as .vti is one file per instant, numbered, and a .pvd
-    of their times. Returns the files.
+    of their times.
+
+    Parameters
+    ----------
+    plane
+        A plane or series.
+    path
+        The file.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files.
+
+    Raises
+    ------
+    ValueError
+        For another suffix, or a plane that is not whole.
+
+    Examples
+    --------
+    >>> plane = piv.make_plane(np.arange(4.0), np.arange(3.0), np.ones((3, 4)), np.zeros((3, 4)))
+    >>> piv.write_vectors(plane, "plane.csv")
+    [PosixPath('plane.csv')]
     """
     path = Path(path)
     check_plane(plane)

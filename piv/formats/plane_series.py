@@ -101,9 +101,38 @@ def make_plane(
     valid: ndarray | None = None,
     **more: ndarray,
 ) -> xr.Dataset:
-    """A checked plane (y, x) or plane series (time, y, x) from arrays in SI.
+    """Make a plane (y, x) or a plane series (time, y, x) of arrays in SI.
 
-    `more`: further variables of docs/formats.md by name. ValueError where axes do not fit.
+    Parameters
+    ----------
+    x, y
+        Axes, m, ascending and regular; y up.
+    u, v
+        Velocity over (y, x) or (time, y, x), m/s; NaN where absent.
+    time
+        Instants of a series, s.
+    valid
+        Where vectors are measured; by default where u and v are finite.
+    more
+        Further variables of docs/formats.md by name, such as u_std.
+
+    Returns
+    -------
+    xarray.Dataset
+        What every function here takes.
+
+    Raises
+    ------
+    ValueError
+        Where the arrays do not fit the axes.
+
+    Examples
+    --------
+    >>> x = np.arange(0, 0.16, 0.008)
+    >>> u, v = np.meshgrid(0.5 * x, -0.5 * x)  # flow against a wall
+    >>> plane = piv.make_plane(x, x, u, v)
+    >>> plane["u"].dims, plane["u"].attrs["units"]
+    (('y', 'x'), 'm/s')
     """
     series = time is not None
     coords = {"x": np.asarray(x, float), "y": np.asarray(y, float)}
@@ -174,7 +203,24 @@ def circulation_unit(length: str) -> str:
 
 
 def usable(plane: xr.Dataset) -> xr.DataArray:
-    """The usable vectors (glossary) of a plane or series, bool with the axes of `valid`."""
+    """Tell which vectors are usable (glossary): valid ones, and uncertain ones that are known.
+
+    Parameters
+    ----------
+    plane
+        A plane or series.
+
+    Returns
+    -------
+    xarray.DataArray
+        bool, with the axes of `valid`.
+
+    Examples
+    --------
+    >>> field = piv.correlate("docs/tutorials/frames", window=24)
+    >>> float(piv.usable(field).mean()) > 0.9
+    True
+    """
     f = plane.variables
     ok = plane["valid"] != 0
     if {"flag", "u_std", "v_std"} <= set(f):
@@ -219,7 +265,27 @@ def check_vectors(plane: xr.Dataset) -> None:
 
 
 def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
-    """Write a plane series to HDF5, whole or not at all; `attrs` become root attributes."""
+    """Write a plane or series to HDF5, which is netCDF-4, whole or not at all.
+
+    Parameters
+    ----------
+    plane
+        A plane or series.
+    path
+        The file, .h5.
+    attrs
+        Further root attributes.
+
+    Raises
+    ------
+    ValueError
+        Where the plane is not whole.
+
+    Examples
+    --------
+    >>> plane = piv.make_plane(np.arange(4.0), np.arange(3.0), np.ones((3, 4)), np.zeros((3, 4)))
+    >>> piv.write_plane(plane, "plane.h5")
+    """
     check_plane(plane)
     out = plane.assign_attrs(plane.attrs | SCHEMA.label | attrs)
     deflate = {
@@ -229,7 +295,30 @@ def write_plane(plane: xr.Dataset, path: str | Path, **attrs: Any) -> None:
 
 
 def read_plane(path: str | Path) -> xr.Dataset:
-    """Open a plane series lazily; ValueError where it is damaged or of another format."""
+    """Open a plane series of this project lazily; a context manager.
+
+    Parameters
+    ----------
+    path
+        The file, .h5.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables are read when their values are used.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        Where it is damaged, of another format, or not there.
+
+    Examples
+    --------
+    >>> field = piv.correlate("docs/tutorials/frames", window=24, output="vectors.h5")
+    >>> with piv.read_plane("vectors.h5") as series:
+    ...     series["u"].dims
+    ('time', 'y', 'x')
+    """
     return checked(open_netcdf(path, "HDF5 plane series"), path, SCHEMA.check)
 
 

@@ -46,7 +46,27 @@ class Lens:
 
 @dataclass(frozen=True)
 class Calibration:
-    """m = (px - origin) * scale, after the lens where there is one."""
+    """Pixels to metres: m = (px - origin) * scale, after the lens where there is one.
+
+    Parameters
+    ----------
+    scale_mm_per_px
+        Size of a pixel in the sheet, mm.
+    origin_x_px, origin_y_px
+        Where x = y = 0 lies, px right and up from the centre of the lower left pixel.
+    lens
+        Distortion and view, as `piv calibrate --target` finds them.
+
+    Raises
+    ------
+    ValueError
+        Where the scale is not positive.
+
+    Examples
+    --------
+    >>> piv.Calibration(0.1, 640, 0).to_m(np.array([[650.0, 20.0]]))
+    array([[0.001, 0.002]])
+    """
 
     scale_mm_per_px: float
     origin_x_px: float = 0.0
@@ -171,7 +191,30 @@ def save_calibration(calibration: Calibration, path: str | Path) -> None:
 
 
 def load_calibration(path: str | Path) -> Calibration:
-    """Read the JSON file; ValueError where it is another thing."""
+    """Read a calibration that `piv calibrate` wrote.
+
+    Parameters
+    ----------
+    path
+        The file, .json.
+
+    Returns
+    -------
+    Calibration
+        Its scale, origin and lens.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        Where it is another thing, or not there.
+
+    Examples
+    --------
+    >>> from piv.images.calibration import save_calibration
+    >>> save_calibration(piv.Calibration(0.1), "calibration.json")
+    >>> piv.load_calibration("calibration.json").scale_mm_per_px
+    0.1
+    """
     try:
         whole = _FILE.read(Path(path))
         lens = whole.get("lens")
@@ -206,12 +249,39 @@ def calibrate_plane(
     interval: float | None = None,
     rate: float | None = None,
 ) -> xr.Dataset:
-    """A plane (series) in px to m, m/s and s.
+    """Take a plane or series from px to m, m/s and s.
 
     Without a lens every variable is scaled. With one, the vectors and their uncertainties are
     sampled (linearly) on a regular grid in the sheet: a vector is absent where one of the four
-    around it is, and uncertain where one of them is. `interval`: s between the exposures of a pair;
-    `rate`: pairs per second; both where the file does not state them. ValueError where they lack.
+    around it is, and uncertain where one of them is.
+
+    Parameters
+    ----------
+    plane_px
+        A plane or series in px.
+    calibration
+        Scale, origin and lens.
+    interval
+        s between the exposures of a pair, where the file does not state it.
+    rate
+        Pairs per second, where the file has no times.
+
+    Returns
+    -------
+    xarray.Dataset
+        In SI.
+
+    Raises
+    ------
+    ValueError
+        Where interval or rate lack, or contradict the file.
+
+    Examples
+    --------
+    >>> field = piv.correlate("docs/tutorials/frames", window=24)
+    >>> metres = piv.calibrate_plane(field, piv.Calibration(0.1), interval=0.002)
+    >>> bool(np.allclose(metres["u"], field["u"] * 1e-4 / 0.002, equal_nan=True))
+    True
     """
     interval = interval_of(plane_px, interval)
     names = ("scale_mm_per_px", "origin_x_px", "origin_y_px")

@@ -39,13 +39,35 @@ def open_recording(
     colour: str = "refuse",
     layout: str | None = None,
 ) -> Recording:
-    """Open a recording for lazy reading.
+    """Open a recording of any kind for lazy reading; a context manager.
 
-    `source`: image files in their order, a folder or a glob of images (names in natural order:
-    2 before 10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, a Phantom .cine, DaVis .im7, or
-    a recording .h5. `colour`: see `piv.images.image_files.to_grey`. `layout`: "top-bottom" or
-    "left-right" where each picture holds both exposures of a pair. Raises FileNotFoundError or
-    ValueError with one sentence.
+    Parameters
+    ----------
+    source
+        Image files in their order, a folder or a glob of images (names in natural order: 2 before
+        10), a TIFF stack, a video, a Photron .mraw/.cihx/.cih, a Phantom .cine, DaVis .im7, or
+        images.h5.
+    colour
+        How coloured images become grey: refuse, luma or green (`piv.images.image_files.to_grey`).
+    layout
+        "top-bottom" or "left-right" where each picture holds both exposures of a pair.
+
+    Returns
+    -------
+    Recording
+        `len(r)`, `r.frame(i)` (row 0 at the top), `r.mask(i)`, `r.times` (s, to be set where they
+        are not known), `r.attrs`.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        One sentence with the file and the remedy.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     len(film), film.shape
+    (6, (192, 224))
     """
     if isinstance(source, str | Path):
         paths = files_of(source)

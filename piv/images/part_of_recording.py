@@ -89,11 +89,36 @@ def part_of_recording(
     *,
     roi_unit: str = "px",
 ) -> Recording:
-    """`recording` with further masks, within `roi` (x0, y0, x1, y1, y up; px or m).
+    """Cut a recording to a region, and add masks to it.
 
-    `mask`: an array (bool, image order), a polygon (.csv, .txt) or an image, for all frames; a
-    folder, a pattern or a TIFF stack, one image per frame, as `piv mask` writes them; .json or
-    .toml, polygons that move (docs/piv_guide.md). ValueError where the masks do not fit.
+    Parameters
+    ----------
+    recording
+        As of `open_recording`.
+    mask
+        An array (bool, image order, true = body), a polygon (.csv, .txt) or an image, for all
+        frames; a folder, a pattern or a TIFF stack, one image per frame, as `piv mask` writes them;
+        .json or .toml, polygons that move (docs/piv_guide.md).
+    roi
+        Region x0, y0, x1, y1, y up.
+    roi_unit
+        "px" or "m" of the region.
+
+    Returns
+    -------
+    Recording
+        Its vectors keep the coordinates of the whole picture.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        Where the masks do not fit, or the region leaves the picture.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     piv.part_of_recording(film, roi=(10, 10, 109, 89)).shape
+    (80, 100)
     """
     masks = _open_masks(mask, recording) if mask is not None else None
     if roi is not None and masks is not None and masks.roi is not None:

@@ -105,10 +105,40 @@ def loads(outline: ndarray, pressure: ndarray, about: ndarray) -> tuple[ndarray,
 
 
 def line_loads(series: xr.Dataset, about: tuple[float, float], density: float) -> xr.Dataset:
-    """`p_outline`, `line_force` and `line_moment` over time of a series with `p` and `outline`.
+    """Compute the pressure on outlines, its force and its moment.
 
     For a pressure that is known otherwise, as a simulation's in the sheet; `piv.pressure` gives
-    them with their uncertainties. ValueError where the series has no pressure or outline.
+    them with their uncertainties.
+
+    Parameters
+    ----------
+    series
+        A series with `p` (Pa) and `outline` (m).
+    about
+        x, y of the moment's point, m.
+    density
+        kg/m³.
+
+    Returns
+    -------
+    xarray.Dataset
+        p_outline (Pa), line_force (N/m) and line_moment (N) over time.
+
+    Raises
+    ------
+    ValueError
+        Where the series has no pressure or outline.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(-0.05, 0.055, 0.005), np.arange(-0.05, 0.055, 0.005))
+    >>> t, zero = np.arange(2.0), np.zeros((2, 21, 21))
+    >>> square = 0.02 * np.array([[[[-1, -1], [1, -1], [1, 1], [-1, 1]]]] * 2)
+    >>> p = zero - 1e4 * y
+    >>> series = piv.make_plane(x[0], y[:, 0], zero, zero, time=t, p=p, outline=square)
+    >>> loads = piv.line_loads(series, (0, 0), 1000)  # of 1e4 Pa/m on 16 cm²: 16 N/m upwards
+    >>> float(loads["line_force"][0, 0, 1].round(6))
+    16.0
     """
     if missing := [name for name in ("p", "outline") if name not in series]:
         raise ValueError(f"line loads need the variable {missing[0]!r}, which the series lacks")

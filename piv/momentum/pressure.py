@@ -32,9 +32,39 @@ def pressure(
     viscosity: float = WATER[1],
     about: tuple[float, float] = (0.0, 0.0),
 ) -> xr.Dataset:
-    """The series with `p`, `p_std` and, with an outline, the water's loads on it; all in memory.
+    """Compute the pressure of the water from vectors over time, and its loads on outlines.
 
-    Options and method as of `Balance`.
+    Method as of `Balance`; all in memory.
+
+    Parameters
+    ----------
+    series
+        A plane series in SI.
+    density
+        kg/m³.
+    viscosity
+        Kinematic, m²/s.
+    about
+        x, y of the moment's point, m.
+
+    Returns
+    -------
+    xarray.Dataset
+        The series with p, p_std (Pa) and, with an outline, the loads.
+
+    Raises
+    ------
+    ValueError
+        Where the series is not in SI or too short.
+
+    Examples
+    --------
+    >>> x = np.arange(-0.05, 0.055, 0.005)
+    >>> u = np.ones((5, 21, 21)) * 2 * np.arange(0, 0.5, 0.1)[:, None, None]  # 2 m/s² along x
+    >>> series = piv.make_plane(x, x, u, 0 * u, time=np.arange(0, 0.5, 0.1))
+    >>> p = piv.pressure(series, density=1000)["p"][2]
+    >>> float((p[10, -1] - p[10, 0]) / (x[-1] - x[0])).__round__()  # Pa/m
+    -2000
     """
     balance = Balance(series, density, viscosity, about)
     rows = [balance.at(k) for k in range(series.sizes["time"])]

@@ -90,7 +90,7 @@ def correlate(
 
     Parameters
     ----------
-    *source
+    source
         Names of two or more images, or one name: of a folder, a glob such as "run/*.tif", a film
         or a recording. Or pictures in memory, row 0 at the top: two or more arrays (row, column),
         or one (frame, row, column). Or a recording of `open_recording`.
@@ -103,7 +103,7 @@ def correlate(
         As of `open_recording`.
     quiet
         Whether no bar of progress is shown.
-    **options
+    options
         Fields of `Options` and `SequenceOptions`; scale_mm_per_px, origin_x_px, origin_y_px,
         interval (s between the exposures of a pair) and rate (pairs per second).
 
@@ -123,7 +123,6 @@ def correlate(
 
     Examples
     --------
-    >>> import piv
     >>> field = piv.correlate("docs/tutorials/frames/frame_0.png",
     ...                       "docs/tutorials/frames/frame_1.png", window=24)
     >>> field["u"].dims, field["u"].attrs["units"]

@@ -28,11 +28,41 @@ def correlate_ensemble(
     quiet: bool = True,
     **options: Unpack[OptionWords],
 ) -> xr.Dataset:
-    """Mean displacement of `count` pairs in px: correlations are summed before peaks are sought.
+    """Measure the mean displacement of many pairs: correlations are summed before peaks are sought.
 
-    load(i): pair i as (a, b, mask); it is called once per pass, so that one pair is in memory.
-    Other arguments and the result: as of `correlate_pair`. For repeated flows, or a steady one with
-    too few particles for one pair (Meinhart et al. 2000).
+    For repeated flows, or a steady one with too few particles for one pair (Meinhart et al. 2000).
+
+    Parameters
+    ----------
+    pairs
+        A list of (a, b) or (a, b, mask), as of `correlate_pair`; or a function that gives pair i,
+        which is called once per pass, so that one pair is in memory.
+    count
+        Number of pairs that a function gives.
+    quiet
+        Whether no bar of progress is shown.
+    options
+        Fields of `Options`.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `correlate_pair`.
+
+    Raises
+    ------
+    ValueError
+        Without a pair, or where pairs differ in shape.
+    TypeError
+        For an unknown option, with the nearest spelling.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     images = list(film)
+    >>> mean = piv.correlate_ensemble(list(zip(images[:-1], images[1:])), window=24, spacing=12)
+    >>> mean["u"].dims
+    ('y', 'x')
     """
     if callable(pairs):
         load = pairs

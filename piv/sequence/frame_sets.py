@@ -10,7 +10,16 @@ from piv.images.recording import Recording
 
 @dataclass(frozen=True)
 class SequenceOptions:
-    """Which frames make a vector field."""
+    """Which frames make a vector field, and how they are prepared.
+
+    `piv correlate --help` explains every field, which is an option there. ValueError where two of
+    them contradict one another.
+
+    Examples
+    --------
+    >>> piv.SequenceOptions(frames=5, preprocess="background=min,cap=3").steps
+    ['background=min', 'cap=3']
+    """
 
     pairing: Annotated[
         str | None,

@@ -24,18 +24,43 @@ from piv.sequence.camera_shake import frame_shifts, shifted
 def correlate_frames(
     frames: list[Any], *, mask: Any = None, shake: bool = True, **options: Unpack[OptionWords]
 ) -> xr.Dataset:
-    """Displacement per frame interval at the middle of an odd number of equally spaced frames.
+    """Measure the displacement per frame interval at the middle of an odd number of frames.
 
-    Arguments and result as of `correlate_pair`; mask: one for all frames or one per frame; shake:
-    whether the camera's is measured and taken out, so that only its mean motion over the set stays
-    in the vectors (attribute `shake_unknown`: 1 where it could not be measured and the frames are
-    used as recorded). Every frame is warped to the middle instant along the paths of the field
-    found so far; the correlations of all pairs of frames are added up with the weight of a
-    straight-line fit (a pair n frames apart counts n times) and one Newton step is taken for d and,
-    from the pairs that are not symmetric in time, for the unsteady acceleration. Random errors fall
-    with the lever arm of the set: the idea of pyramid correlation (Sciacchitano et al. 2012) and of
-    fluid trajectory correlation (Lynch & Scarano 2013), on warped images. ValueError where the
-    number of frames is even or below three.
+    The correlations of all pairs of frames, warped to the middle instant, are added with the
+    weights of a straight-line fit, after pyramid correlation (Sciacchitano et al. 2012) and fluid
+    trajectory correlation (Lynch & Scarano 2013). Method: docs/piv_theory.md.
+
+    Parameters
+    ----------
+    frames
+        Equally spaced images, as of `correlate_pair`.
+    mask
+        One for all frames, or one per frame.
+    shake
+        Whether the camera's shake is measured and taken out, so that only its mean motion over the
+        set stays in the vectors.
+    options
+        Fields of `Options`.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `correlate_pair`; attribute `shake_unknown`: 1 where the shake could not be measured
+        and the frames are used as recorded.
+
+    Raises
+    ------
+    ValueError
+        Where the number of frames is even or below three.
+    TypeError
+        For an unknown option, with the nearest spelling.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     field = piv.correlate_frames(list(film)[:5], window=24, spacing=12)
+    >>> field.attrs["shake_unknown"] in (0, 1)
+    True
     """
     if len(frames) < 3 or len(frames) % 2 == 0:
         raise ValueError(

@@ -57,12 +57,40 @@ def correlate_recording(
     chunk: tuple[int, int] | None = None,
     quiet: bool = True,
 ) -> Path:
-    """Correlate a recording into the plane series `output` (docs/formats.md); returns its path.
+    """Correlate a recording into a plane series (docs/formats.md).
 
-    SI where the recording has scale and times, else px and frames. Its finger variables are copied.
-    Finished fields survive an interruption in `<output>.part` and are not computed again.
-    The result depends neither on that nor on the number of threads.
-    chunk: (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
+    Finished fields survive an interruption in `<output>.part` and are not computed again. The
+    result depends neither on that nor on the number of threads. `piv.correlate` does it in one
+    call.
+
+    Parameters
+    ----------
+    recording
+        As of `open_recording`; its finger variables are copied.
+    output
+        The file, .h5.
+    options, sequence
+        How images are correlated, and which make a field.
+    chunk
+        (k, n) writes only the k-th of n parts of the fields, beside `output`, for `chunks.join`.
+    quiet
+        Whether no bar of progress is shown.
+
+    Returns
+    -------
+    pathlib.Path
+        The file: SI where the recording has scale and times, else px and frames.
+
+    Raises
+    ------
+    ValueError
+        Where no field can be made.
+
+    Examples
+    --------
+    >>> with piv.open_recording("docs/tutorials/frames") as film:
+    ...     piv.correlate_recording(film, "film.h5", piv.Options(window=24), piv.SequenceOptions())
+    PosixPath('film.h5')
     """
     sequence = sequence.of(recording)
     image = recording.frame(0)

@@ -26,13 +26,39 @@ WALL = 0.3
 def find_vortices(
     plane: xr.Dataset, settings: VortexSettings | None = None, **options: float | str
 ) -> list[Vortex]:
-    """Vortices of one plane (y, x; variables u, v, valid, optional u_std, v_std), strongest first.
+    """Find the vortices of one plane, strongest first.
 
-    Works in whatever units the plane has. `options` are fields of `VortexSettings`. A vortex is a
-    region in which the smoothed flow rotates more than it strains; a Lamb-Oseen vortex on a
-    background of drift and linear gradient is then fitted to it, its neighbours taken along or
-    taken off. Raises ValueError where the plane still has a time axis, or an option is unknown or
-    out of its range.
+    A vortex is a region in which the smoothed flow rotates more than it strains; a Lamb-Oseen
+    vortex on a background of drift and linear gradient is then fitted to it, its neighbours taken
+    along or taken off.
+
+    Parameters
+    ----------
+    plane
+        u, v, valid and perhaps u_std, v_std over (y, x), in any unit.
+    settings
+        All settings, in place of `options`.
+    options
+        Fields of `VortexSettings`.
+
+    Returns
+    -------
+    list of Vortex
+        x, y, circulation and radius with their standard uncertainties, in the plane's units.
+
+    Raises
+    ------
+    ValueError
+        Where the plane has a time axis, or an option is unknown or out of its range.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(-0.05, 0.051, 0.002), np.arange(-0.04, 0.041, 0.002))
+    >>> r2 = x**2 + y**2 + 1e-12
+    >>> swirl = 0.006 / (2 * np.pi * r2) * (1 - np.exp(-r2 / 0.01**2))
+    >>> (vortex,) = piv.find_vortices(piv.make_plane(x[0], y[:, 0], -swirl * y, swirl * x))
+    >>> round(vortex.circulation, 4)
+    0.006
     """
     s = _settings(settings, options)
     widest = float(max(np.ptp(plane[axis].values) for axis in "xy"))

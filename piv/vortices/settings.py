@@ -8,7 +8,16 @@ from typing import Annotated
 
 @dataclass(frozen=True)
 class VortexSettings:
-    """How vortices are found; lengths and circulations in the plane's units."""
+    """How vortices are found; lengths and circulations in the plane's units.
+
+    `piv vortices --help` explains every field, which is an option there. ValueError where one is
+    out of its range.
+
+    Examples
+    --------
+    >>> piv.VortexSettings(min_part=0.2).least_part
+    0.1
+    """
 
     scale: Annotated[
         float | None,

@@ -31,11 +31,39 @@ def tabulate_vortices(
     processes: int = 1,
     quiet: bool = True,
 ) -> pd.DataFrame:
-    """One row per vortex and instant of a plane series or one plane; columns `COLUMNS`.
+    """Tabulate the vortices of every instant, and track them.
 
-    `lifetime` is the time from a track's first to its last detection; instants without one between
-    are `bridged`: linear in time. The planes are shared out to `processes`; each has one in memory
-    at once, and the result does not depend on their number.
+    Parameters
+    ----------
+    series
+        A plane series, or one plane.
+    settings, tracking
+        How vortices are found and tracked.
+    processes
+        That share out the planes; the result does not depend on their number.
+    quiet
+        Whether no bar of progress is shown.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per vortex and instant, columns `COLUMNS`. `lifetime` is the time from a track's
+        first to its last detection; instants without one between are `bridged`: linear in time.
+
+    Raises
+    ------
+    ValueError
+        Where the series has no usable vector.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid(np.arange(-0.05, 0.051, 0.002), np.arange(-0.04, 0.041, 0.002))
+    >>> r2 = x**2 + y**2 + 1e-12
+    >>> swirl = 0.006 / (2 * np.pi * r2) * (1 - np.exp(-r2 / 0.01**2))
+    >>> u, v = (np.stack([f] * 3) for f in (-swirl * y, swirl * x))
+    >>> series = piv.make_plane(x[0], y[:, 0], u, v, time=np.arange(3) * 0.01)
+    >>> piv.tabulate_vortices(series)["track"].nunique()
+    1
     """
     tracker = Tracker(tracking)
     if processes < 1:
