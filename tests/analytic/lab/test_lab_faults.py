@@ -43,13 +43,13 @@ def poses(kinematics):
     return stated, Pose(SCALE * 1.003, np.radians(1.0), kinematics.root, (151.2, 269.1))
 
 
-def registered(kinematics, faults=None, *, taken=TIMES, clock=TIMES, light_from=None):
-    """Registration of pictures `taken` at times (s) stated as `clock`, and its check."""
+def registered(kinematics, faults=None, *, light_from=None):
+    """Registration of pictures, and its check."""
     stated, true = poses(kinematics)
-    pressures = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
+    pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time))
     recording = Rendered(kinematics, true, pressures, SHAPE, faults)
     known = Known(stated, scale_std=0.01, light_from=light_from)
-    fit = fit_pictures(recording, clock, kinematics, known)
+    fit = fit_pictures(recording, TIMES, kinematics, known)
     return register(fit, kinematics, known), check_fit(fit, kinematics, known)
 
 
@@ -101,15 +101,6 @@ def test_behind_the_lit_side_nothing_counts():
     dark = shaded_parts(square[None], -np.pi / 2, (40, 50))[0]
     assert dark[:18, 20].all()  # row 0 is at the top
     assert not dark[20:, 20].any()
-
-
-def test_dropped_frames_are_named(kinematics):
-    later = np.linspace(0.0, 0.42 * 17 / 15, PICTURES + 2)
-    taken = np.delete(later, [7, 8])
-    _, check = registered(kinematics, taken=taken, clock=later[:PICTURES])
-    assert len(check.refusals) == 1
-    assert "from 0.196 s of the recording on the finger is" in check.refusals[0]
-    assert "dropped frames" in check.refusals[0]
 
 
 def test_a_rate_that_is_wrong_by_a_factor_is_named(kinematics):
