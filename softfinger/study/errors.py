@@ -23,6 +23,7 @@ _GAP = 0.6  # of the time between two planes, from a known instant to one that i
 _LATE = 3  # windows between the middle of the stroke and the end of the run
 # Orders that an extrapolation takes: schemes are of second order, walls and time of first.
 _ORDERS = (1.0, 2.0)
+_ROUNDING = 1e-9
 
 
 def stroke_windows(middle: tuple[float, float], end: float) -> list[tuple[float, float]]:
@@ -165,8 +166,10 @@ def worst(errors: dict[str, float]) -> dict[str, float]:
 def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> dict[str, float]:
     """Errors of the best run itself, extrapolated from the next two levels with its overrides.
 
-    The order in the cell's size is that at which their errors fall, within _ORDERS; of one level
-    it is the second. Empty where the study has none. `table`: by run; `runs`: of the plan.
+    The order in the cell's size is that at which their errors fall, at most the second; of one
+    level it is the second. Where they fall slower than at the first the grids do not converge, and
+    the error is taken as large as the next level's. Empty where the study has no level. `table`: by
+    run; `runs`: of the plan.
     """
     of_best = next(r["overrides"] for r in runs if r["run"] == best)
     alike = [r["run"] for r in runs if r["until"] != "vortices" and r["overrides"] == of_best]
@@ -180,16 +183,19 @@ def own_errors(table: pd.DataFrame, runs: list[dict[str, Any]], best: str) -> di
     for name in table.columns.intersection([*_COUNTED, "error_centre_mm"]):
         error = next_two[name].to_numpy(float)
         order = _falling_order(size, error) if len(size) == 2 else _ORDERS[1]
-        own[name] = float(error[0]) / (size[0] ** order - 1)
+        own[name] = float(error[0]) / (size[0] ** order - 1 if order else 1.0)
     return own | worst(own)
 
 
-def _falling_order(size: np.ndarray, error: np.ndarray) -> float:
-    """Order in _ORDERS at which an `error` (2,) falls with cells of `size` (2,) of the best's."""
+def _falling_order(size: np.ndarray, error: np.ndarray) -> float | None:
+    """Order in _ORDERS at which an `error` (2,) falls with cells of `size` (2,) of the best's.
+
+    None where it falls slower.
+    """
 
     def excess(order: float) -> float:
         return float((size[1] ** order - 1) * error[0] - (size[0] ** order - 1) * error[1])
 
-    if excess(_ORDERS[0]) >= 0:
-        return _ORDERS[0]
+    if (slower := excess(_ORDERS[0])) >= 0:
+        return None if slower > _ROUNDING else _ORDERS[0]
     return _ORDERS[1] if excess(_ORDERS[1]) <= 0 else float(brentq(excess, *_ORDERS))

@@ -274,6 +274,10 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
     # errors of first order: cells of half the size have the best run's own error as difference
     table.loc["draft", "error_circulation"] = 0.12 * (16 ** (1 / 3) - 1)
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)
+    # errors that hardly fall tell no order: at the first, 0.24 would follow
+    table.loc["medium", "cells"] = 337.5
+    table.loc["draft", "error_circulation"] = 0.13
+    assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)
 
 
 def test_results_that_can_be_chosen_from(tmp_path):
