@@ -153,6 +153,12 @@ def _evaluate(plan: dict[str, Any], best: str) -> tuple[pd.DataFrame, pd.DataFra
     return table.reset_index(drop=True), errors
 
 
+def _judged(plan: dict[str, Any]) -> list[dict[str, Any]]:
+    """The runs of a plan up to the last stage that its errors are of: reports give costs alone."""
+    ends = {"report": "vortices_cfd"}
+    return [row | {"until": ends.get(row["until"], row["until"])} for row in plan["runs"]]
+
+
 def write_results(
     path: Path,
     table: pd.DataFrame,
@@ -200,4 +206,4 @@ def write_tradeoff(path: Path, only: list[str]) -> None:
     table, errors = _evaluate(plan, best)
     probe = read_json(path.with_name("probe.json"), REMEDY)
     target = folder / "studies" / "results" / "tradeoff.csv"
-    write_results(target, table, errors, best, probe, origin(plan["runs"]))
+    write_results(target, table, errors, best, probe, origin(_judged(plan)))
