@@ -97,7 +97,7 @@ def test_console_script(installed, pair):
     run(installed / "piv", "correlate", "0.png", "1.png", "-o", "v.h5", "--quiet", cwd=pair)
     found = run(installed / "piv", "vortices", "v.h5", "-o", "v.csv", cwd=pair)
     assert int(found.split(": ")[1].split()[0]) >= 1
-    run(installed / "piv", "convert", "v.h5", "-o", "v.dat", cwd=pair)
+    run(installed / "piv", "convert", "v.h5", "-o", "v.mat", cwd=pair)
     with pytest.raises(AssertionError, match="VTK files need the package pyvista: pip install"):
         run(installed / "piv", "convert", "v.h5", "-o", "v.vti", cwd=pair)
     with pytest.raises(AssertionError, match="piv plot: pictures need the package matplotlib: pip"):
