@@ -7,7 +7,7 @@ NP       ?=
 DOCS     ?= single_finger single_deflate cycle pinch
 VALUES   := LEVEL NP COUPLED PIV ACCURACY BUDGET SLURM DPIV
 TARGETS  := help setup study tradeoff compare fea validate docs test unit lint test-slurm faults \
-    bench-piv benchmark evidence audit clean
+    park bench-piv benchmark evidence audit clean
 
 SHELL    := /bin/sh
 PY       := .venv/bin/python
@@ -96,9 +96,6 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
 
-benchmark: $(READY) ## PIV recordings with exact truth, for any program: benchmark/ (minutes)
-	@$(PY) -m docs.evidence.benchmark
-
 evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night)
 	@$(PY) -m docs.evidence.costs
 	@$(MAKE) tradeoff SCENE=single_finger
@@ -112,13 +109,14 @@ evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night
 	@$(RUN) study cases/pinch/studies/contact.csv
 	@$(PY) -m docs.evidence.pinch
 	@$(PY) -m docs.evidence.ranks
-	@$(MAKE) faults
 	@$(PY) -m docs.evidence.laboratory 241 280
-	@$(MAKE) bench-piv
-	@$(MAKE) docs
+	@$(MAKE) faults park bench-piv docs
 
-faults: $(READY) ## kills, full disks, damaged files, two makes at once
-	@$(PY) -m docs.evidence.faults
+faults: ## kills, full disks, damaged files, two makes at once
+park: ## own fingers of every kind, and what must hold of them (hours): docs/park.md
+benchmark: ## PIV recordings with exact truth, for any program: benchmark/ (minutes)
+faults park benchmark: $(READY)
+	@$(PY) -m docs.evidence.$@
 
 test-slurm: .venv-study/.ready ## a real Slurm of one node, started and stopped by the test (root)
 	$(PY) -m pytest tests/slurm -p no:cacheprovider -s

@@ -13,21 +13,35 @@ from pipeline.scene.scene import Scene
 
 _NOISE = 0.05  # of the way: a sensor's noise at rest is no turn
 _SHAPES = 61  # over the motion's pressures: the tip moves by a few degrees between two
-_ROOM = 0.45  # of the finger's length, around root and path, for the vortices that the tip sheds
+_PLACES = 241  # over the motion, of the tip
+# of the finger's thickness, around the tip: a vortex lies beside it, and is measured in a circle
+_ROOM = 2.2
+# A vortex takes up no more than 2 tip speeds times thickness (formation number 4), and one of a
+# pair carries the other with circulation over 2 pi times their distance, about the thickness
+_FORMED, _APART = 2.0, 1.0
+_FARTHEST = 0.5  # of the finger's length: they part, or lose their strength
+# Between two fingers the pair is equal and goes straight on, with the jet of the closing: in an
+# own pinch at smoke 2.0 times as far as its travel (45 x 30 mm, 40 kPa, 2026-11-28)
+_OF_PINCH = 2.0
 # of PIV in the finger's thickness: with 1.7 the circulation of the tip's vortex was known at 0 of 8
 # instants, with 2.5 at 7 of 9 (softfinger new with 50mm x 20mm at smoke, 2026-11-25)
 _WINDOWS = 2.6
 _SPACING_PX = 4  # of the grid that the flow is sampled on
 _LEAST_CIRCULATION = 0.01  # of peak tip speed times length: the shipped scenes' share
+_MOST_PIXELS, _SIDE = 1600 * 1280, 64  # of a camera that is not stated; its sides are multiples
 
 
 @dataclass(frozen=True)
 class TipPath:
-    """Places (shape, 2) of the tip's middle over a motion (m), peak speed (m/s), and turns back."""
+    """Places (instant, 2) of the tip's middle over a motion (m), peak speed (m/s), and turns back.
+
+    `travel` (instant,): how far a vortex that is shed at an instant goes until the end, m.
+    """
 
     places: ndarray
     speed: float
     turns: int
+    travel: ndarray
 
 
 def tip_path(scene: Scene) -> TipPath:
@@ -38,8 +52,23 @@ def tip_path(scene: Scene) -> TipPath:
     known = np.linspace(parameter.min(), parameter.max(), _SHAPES)
     tip = motion.to_tank(np.array([motion.shapes.tip(p)[0] for p in known]))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(tip, axis=0).T))])
-    speed = np.gradient(np.interp(parameter, known, way), time)
-    return TipPath(tip, float(np.abs(speed).max()), _turns(np.interp(parameter, known, way)))
+    done = np.interp(parameter, known, way)
+    speed = np.abs(np.gradient(done, time))
+    some = np.unique(np.linspace(0, time.size - 1, _PLACES).astype(int))
+    places = np.stack([np.interp(parameter[some], known, axis) for axis in tip.T], axis=1)
+    travel = _travel(time, speed, scene.finger.thickness)[some]
+    return TipPath(places, float(speed.max()), _turns(done), travel)
+
+
+def _travel(time: ndarray, speed: ndarray, thickness: float) -> ndarray:
+    """How far (m) a vortex that is shed at each `time` (s) goes until the last.
+
+    By the slug model its circulation grows with half the square of the tip's `speed` (m/s).
+    """
+    step = np.gradient(time)
+    size = np.minimum(0.5 * np.cumsum(speed**2 * step), _FORMED * speed.max() * thickness)
+    carried = np.cumsum(size * step) / (2 * np.pi * _APART * thickness)
+    return carried[-1] - carried
 
 
 def _turns(way: ndarray) -> int:
@@ -55,29 +84,37 @@ def _turns(way: ndarray) -> int:
 
 
 def following(scene: Scene) -> dict[str, Any]:
-    """Values by dotted key of what the scene leaves to follow from the motion. StageError."""
-    path = tip_path(scene)
-    length = scene.finger.length + scene.finger.tip.length
-    camera, pixels = scene.camera, np.array([scene.camera.columns, scene.camera.rows])
-    sides = [1.0] if scene.pinch is None else [1.0, -1.0]
-    tips = np.vstack([path.places * [side, 1] for side in sides])
-    points = np.vstack([tips, *(np.array(scene.finger.root) * [side, 1] for side in sides)])
-    scale = camera.scale_mm_per_px
-    if "scale_mm_per_px" not in camera.model_fields_set:
-        whole, near = (
-            np.max((np.ptp(p, axis=0) + 2 * _ROOM * length) / pixels) for p in (points, tips)
-        )
-        sharp = scene.finger.thickness / (_WINDOWS * scene.piv.window)
-        scale = _rounded_up(1e3 * float(min(whole, max(near, sharp))))
-    size = 1e-3 * scale * pixels
-    middle = 0.5 * (points.min(0) + points.max(0))
-    first, last = tips.min(0), tips.max(0)
-    room = np.maximum(0.0, np.minimum(_ROOM * length, 0.5 * (size - last + first)))
-    # a small picture leaves out the root
-    middle = np.clip(middle, last + room - 0.5 * size, first - room + 0.5 * size)
+    """Values by dotted key of what the scene leaves to follow from the motion. StageError.
+
+    The picture holds where vortices go, and the roots where it stays sharp with them.
+    """
+    path, camera, finger = tip_path(scene), scene.camera, scene.finger
+    stated = camera.model_fields_set
+    near, whole, tips = _boxes(scene, path)
+    scale, pixels = camera.scale_mm_per_px * 1e-3, np.array([camera.columns, camera.rows])
+    sharp = finger.thickness / (_WINDOWS * scene.piv.window)
+    if stated & {"columns", "rows"}:
+        if "scale_mm_per_px" not in stated:
+            fits = [float((np.ptp(box, axis=0) / pixels).max()) for box in (whole, near)]
+            scale = 1e-3 * _rounded_up(1e3 * min(fits[0], max(fits[1], sharp)))
+        shown = whole
+    else:
+        if "scale_mm_per_px" not in stated:
+            least = (np.ptp(near, axis=0).prod() / _MOST_PIXELS) ** 0.5
+            scale = 1e-3 * _rounded_up(1e3 * max(sharp, least))
+        shown = whole if np.ptp(whole, axis=0).prod() <= _MOST_PIXELS * scale**2 else near
+        sides = np.ptp(shown, axis=0) / scale
+        sides *= min(1.0, (_MOST_PIXELS / sides.prod()) ** 0.5)
+        pixels = (_SIDE * np.ceil(sides / _SIDE)).astype(int)
+    size = scale * pixels
+    low, high = np.where(size >= np.ptp(near, axis=0) - 1e-9, near, tips)
+    middle = np.clip(shown.mean(0), high - 0.5 * size, low + 0.5 * size)
+    length = finger.length + finger.tip.length
     values: dict[str, Any] = {
-        "camera.scale_mm_per_px": scale,
-        "sheet.spacing": round(_SPACING_PX * scale * 1e-3, 7),
+        "camera.scale_mm_per_px": round(1e3 * scale, 6),
+        "camera.columns": int(pixels[0]),
+        "camera.rows": int(pixels[1]),
+        "sheet.spacing": round(_SPACING_PX * scale, 7),
         "vortices.min_circulation": _rounded_up(_LEAST_CIRCULATION * path.speed * length),
     }
     for name in list(values):
@@ -85,6 +122,37 @@ def following(scene: Scene) -> dict[str, Any]:
         if key in getattr(scene, section).model_fields_set:
             del values[name]
     return {"camera.centre": [round(float(x), 4) for x in middle]} | values
+
+
+def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
+    """Lower left and upper right corners (2, 2) in m of what the picture must hold.
+
+    Where vortices go, that with the roots, and where the tips go.
+    """
+    finger = scene.finger
+    room = _ROOM * finger.thickness
+    carried = np.minimum(path.travel, _FARTHEST * (finger.length + finger.tip.length))[:, None]
+    first = last = room + carried * np.ones(2)
+    if scene.pinch:  # along the plane between them
+        down = np.maximum(carried[:, 0], _OF_PINCH * path.travel)
+        first = room + np.outer(down, [0.0, 1.0])
+        last = room + carried * [0.0, 1.0]
+    root, half = np.array([finger.root]), 0.5 * scene.tank.size[0]
+    water = np.array([[-half, 0.0], [half, scene.tank.water_depth]])
+    found = []
+    for low, high in (
+        (path.places - first, path.places + last),
+        (np.vstack([path.places - first, root - room]),
+         np.vstack([path.places + last, root + room])),
+        (path.places, path.places),
+    ):  # fmt: skip
+        box = np.array([low.min(0), high.max(0)])
+        if scene.pinch:
+            reach = np.abs(box[:, 0]).max()
+            box[:, 0] = -reach, reach
+        found.append(box)
+    near, whole = (np.clip(box, water[0], water[1]) for box in found[:2])
+    return near, whole, found[2]
 
 
 def unseen_tip(camera: Camera, tip: ndarray) -> str:

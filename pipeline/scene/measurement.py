@@ -29,9 +29,9 @@ class Camera(Section):
     """The laboratory's camera and seeding."""
 
     columns: Annotated[Whole, Field(ge=64, le=_MOST_PIXELS)] = 1280
-    """Of the picture [px]"""
+    """Of the picture; without `centre` they hold where vortices go, unless they are given [px]"""
     rows: Annotated[Whole, Field(ge=64, le=_MOST_PIXELS)] = 1024
-    """Of the picture [px]"""
+    """Of the picture; as columns [px]"""
     scale_mm_per_px: Positive = 0.125
     """Size of a pixel in the sheet; it follows, too, where neither is given [mm/px]"""
     centre: Pair | None = None

@@ -19,6 +19,8 @@ _HISTORIES = {"pressure_csv": {"strokes", "start_pressure_kpa"}, "strokes": {"pr
 _FOLLOWING = (
     ("camera", "centre"),
     ("camera", "scale_mm_per_px"),
+    ("camera", "columns"),
+    ("camera", "rows"),
     ("sheet", "spacing"),
     ("vortices", "min_circulation"),
 )

@@ -50,7 +50,7 @@ def make(
     tracks = table["track"].nunique()
     vortices = "vortex" if len(table) == 1 else "vortices"
     text = f"{output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
-    if len(table):
+    if table["circulation"].notna().any():
         strongest = table.loc[table["circulation"].abs().idxmax()]
         unit = circulation_unit(length)
         text += (

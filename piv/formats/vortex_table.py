@@ -13,13 +13,14 @@ from piv.files.provenance import check_version
 from piv.files.record import check_whole
 from piv.formats.plane_series import provenance
 
-FORMAT, VERSION = "vortices", 2
+FORMAT, VERSION = "vortices", 3
 REMEDY = "find the vortices again"
 COLUMNS = [
-    "time", "track", "bridged", "lifetime", "x", "y", "circulation", "circulation_radius", "radius",
-    "peak_vorticity", "circulation_disc", "disc_radius", "x_std", "y_std", "circulation_std",
-    "radius_std", "peak_vorticity_std", "circulation_disc_std", "x_random_std", "y_random_std",
-    "circulation_disc_random_std", "finger", "side", "tip_distance", "along_tip", "across_tip",
+    "time", "track", "bridged", "at_edge", "lifetime", "x", "y", "circulation",
+    "circulation_radius", "radius", "peak_vorticity", "circulation_disc", "disc_radius",
+    "x_std", "y_std", "circulation_std", "radius_std", "peak_vorticity_std",
+    "circulation_disc_std", "x_random_std", "y_random_std", "circulation_disc_random_std",
+    "finger", "side", "tip_distance", "along_tip", "across_tip",
     "x_fit", "y_fit", "circulation_fit", "core_radius",
     "x_fit_std", "y_fit_std", "circulation_fit_std", "core_radius_std", "explained",
 ]  # fmt: skip
@@ -49,8 +50,11 @@ def read_vortices(path: str | Path, needed: tuple[str, ...] = NEEDED) -> pd.Data
         raise ValueError(
             f"{path}: not a table of vortices, it has no column {missing[0]!r}; {REMEDY}"
         )
+    seen = ~table.get("at_edge", pd.Series(0, table.index)).astype(bool)
     for name in needed:
-        if name != "time" and table[name].isna().any():  # one plane may have no time
-            line = int(table[name].isna().to_numpy().argmax()) + 1
+        # one plane may have no time, and what reaches beyond the plane is not measured
+        lacks = table[name].isna() & seen
+        if name != "time" and lacks.any():
+            line = int(lacks.to_numpy().argmax()) + 1
             raise ValueError(f"{path}: row {line} has no number in {name!r}; {REMEDY}")
     return table

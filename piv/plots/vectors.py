@@ -184,7 +184,8 @@ def draw(
 def _mark(axes: plt.Axes, vortices: pd.DataFrame, factor: float) -> None:
     for row in vortices.itertuples():
         centre = row.x * factor, row.y * factor
-        marker, line = ("o", "-") if row.circulation > 0 else ("s", "--")
+        turn = getattr(row, "peak_vorticity", row.circulation)  # known at the plane's edge, too
+        marker, line = ("o", "-") if turn > 0 else ("s", "--")
         axes.plot(*centre, marker, mfc="none", mec="k", mew=1.2, ms=6, zorder=4)
         circle = {"radius": row.radius * factor, "color": "k", "lw": 1.0, "ls": line}
         axes.add_patch(plt.Circle(centre, **circle, fill=False, zorder=4))

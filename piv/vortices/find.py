@@ -77,13 +77,18 @@ def find_vortices(
         _vortex(plane, r, fit or (np.nan,) * 9, DISC * scale, s.radius)
         for r, fit in zip(regions, fits, strict=True)
     ]
-    return sorted(found, key=lambda v: -abs(v.circulation))
+    return sorted(
+        found, key=lambda v: (v.at_edge, -abs(v.peak_vorticity if v.at_edge else v.circulation))
+    )
 
 
 def _vortex(
     plane: xr.Dataset, r: Region, fit: tuple[float, ...], disc: float, radius: float | None
 ) -> Vortex:
-    """A vortex of its region and fit, with the circulation that does not depend on the scale."""
+    """A vortex of its region and fit, with the circulation that does not depend on the scale.
+
+    Of one `at_edge` only what is seen is told.
+    """
     m, std = r.measures, r.std
     whole = fit[2], fit[6], np.nan
     if np.isnan(fit[2]):
@@ -92,11 +97,20 @@ def _vortex(
         within = round_contour(plane, circle(m.x, m.y, radius))
         whole = whole if np.isnan(within.circulation) else (*within[:2], radius)
     circulation, circulation_std, within_radius = (float(q) for q in whole)
+    if _to_edge(plane, m.x, m.y) < np.nanmax([disc, m.radius, within_radius]):
+        seen = m.x, m.y, np.nan, np.nan, m.radius, m.peak_vorticity, np.nan, disc
+        return Vortex(*seen, *[np.nan] * 18, at_edge=True)
     return Vortex(
         *(m.x, m.y, circulation, within_radius, m.radius, m.peak_vorticity, m.circulation, disc),
         *(std.x, std.y, circulation_std, std.radius, std.peak_vorticity, std.circulation),
         *(r.random.x, r.random.y, r.random.circulation, *fit),
     )
+
+
+def _to_edge(plane: xr.Dataset, x: float, y: float) -> float:
+    """Distance from a point to the nearest edge of the plane."""
+    ends = ((plane[axis].values[[0, -1]], at) for axis, at in (("x", x), ("y", y)))
+    return float(min(np.abs(end - at).min() for end, at in ends))
 
 
 def scale_of(plane: xr.Dataset, s: VortexSettings) -> float:

@@ -8,12 +8,13 @@ from concurrent.futures import Future
 from dataclasses import asdict
 from itertools import islice
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
 from piv.files.child_process import worker_pool
-from piv.formats.plane_series import VECTORS, Planes, absent, check_vectors, usable
+from piv.formats.plane_series import VECTORS, Planes, absent, check_vectors, units_of, usable
 from piv.formats.vortex_table import COLUMNS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
@@ -77,13 +78,13 @@ def tabulate_vortices(
         if absent(plane):
             tracker.skip()
             continue
-        for vortex, track in zip(
-            vortices, tracker.update(0.0 if time is None else time, vortices), strict=True
-        ):
+        tracks = tracker.update(0.0 if time is None else time, vortices, fastest(plane))
+        for vortex, track in zip(vortices, tracks, strict=True):
             place = place_at_tip(vortex.x, vortex.y, plane)
             rows.append(
                 {"time": time, "track": track, "bridged": 0}
                 | asdict(vortex)
+                | {"at_edge": int(vortex.at_edge)}
                 | (place._asdict() if place else {})
             )
     if empty:
@@ -96,6 +97,14 @@ def tabulate_vortices(
     table["lifetime"] = table["track"].map(span) if span is not None else []
     table["finger"] = table["finger"].astype("Int64")
     return table
+
+
+def fastest(plane: xr.Dataset) -> float:
+    """Largest speed of a plane's usable vectors, in its length over s; inf in other units."""
+    length, velocity = units_of(plane)
+    if velocity != f"{length}/s" or not usable(plane).any():
+        return float("inf")
+    return float(np.nanmax(np.where(usable(plane), np.hypot(plane["u"], plane["v"]), np.nan)))
 
 
 def _bridged(track: pd.DataFrame, times: list[float]) -> pd.DataFrame:

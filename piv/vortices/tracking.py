@@ -24,12 +24,17 @@ class TrackingSettings:
     circulation_change: Annotated[
         float, "relative change of circulation that costs as much as one standard deviation"
     ] = 0.5
+    max_change: Annotated[
+        float, "largest factor by which the circulation changes in a frame; beyond, another vortex"
+    ] = 3.0
     max_missed: Annotated[int, "frames without detection after which a track ends"] = 3
 
     def __post_init__(self) -> None:
         for name in ("agility", "gate", "max_step", "circulation_change"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} = {getattr(self, name):g}: give a positive number")
+        if not self.max_change > 1:
+            raise ValueError(f"max_change = {self.max_change:g}: give a number above 1")
         for name in ("scatter", "max_missed"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} = {getattr(self, name):g}: give no negative number")
@@ -81,8 +86,13 @@ class Tracker:
         for track in self._tracks:
             track.skipped += 1
 
-    def update(self, time: float, vortices: Sequence[Vortex]) -> list[int]:
-        """Track numbers of the `vortices` at `time`, which is later than the last."""
+    def update(
+        self, time: float, vortices: Sequence[Vortex], fastest: float = float("inf")
+    ) -> list[int]:
+        """Track numbers of the `vortices` at `time`, which is later than the last.
+
+        `fastest`: largest speed of the flow, which carries a vortex from one place to the next.
+        """
         s = self.settings
         if self._tracks and time <= max(t.time for t in self._tracks):
             raise ValueError(
@@ -93,7 +103,8 @@ class Tracker:
         cost = np.full((len(self._tracks), len(vortices)), 1e9)
         for i, (track, (state, p)) in enumerate(zip(self._tracks, predictions, strict=True)):
             for j, vortex in enumerate(vortices):
-                cost[i, j] = _cost(track, state, p, vortex, noises[j], s)
+                if _same(track, time, vortex, fastest, s):
+                    cost[i, j] = _cost(track, state, p, vortex, noises[j], s)
         numbers = [-1] * len(vortices)
         for i, j in zip(*linear_sum_assignment(cost), strict=True):
             if cost[i, j] < 1e9:
@@ -113,7 +124,26 @@ class Tracker:
 
 
 def _noise(v: Vortex, s: TrackingSettings) -> ndarray:
-    return np.diag([v.x_std**2, v.y_std**2]) + np.eye(2) * (s.scatter * v.radius) ** 2
+    std = np.nan_to_num([v.x_std, v.y_std])  # at the edge of the plane it is not known
+    return np.diag(std**2) + np.eye(2) * (s.scatter * v.radius) ** 2
+
+
+def _same(track: _Track, time: float, vortex: Vortex, fastest: float, s: TrackingSettings) -> bool:
+    """Whether a vortex may be the one of a track: by sense, circulation and place.
+
+    A track ends where its vortex meets the edge of the plane. The flow carries a vortex by no more
+    than its largest speed; what it takes up or loses moves its centre within its radius.
+    """
+    old, frames = track.last, 1 + track.missed + track.skipped
+    turns = "peak_vorticity" if vortex.at_edge else "circulation_disc"
+    if old.at_edge != vortex.at_edge or getattr(old, turns) * getattr(vortex, turns) <= 0:
+        return False
+    carried = fastest * (time - track.time) + max(old.radius, vortex.radius)
+    if np.hypot(vortex.x - old.x, vortex.y - old.y) > carried:
+        return False
+    sizes = sorted(abs(v.circulation_disc) for v in (old, vortex))
+    doubt = np.hypot(old.circulation_disc_std, vortex.circulation_disc_std)
+    return vortex.at_edge or bool(sizes[1] <= s.max_change**frames * sizes[0] + 2 * doubt)
 
 
 def _cost(
@@ -123,11 +153,9 @@ def _cost(
     d = np.array([vortex.x, vortex.y]) - state[:2]
     far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed + track.skipped)
     squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
-    if (
-        old.circulation_disc * vortex.circulation_disc <= 0
-        or np.hypot(*d) > far
-        or squared > s.gate**2
-    ):
+    if np.hypot(*d) > far or squared > s.gate**2:
         return 1e9
+    if vortex.at_edge:
+        return squared
     change = abs(np.log(vortex.circulation_disc / old.circulation_disc)) / s.circulation_change
     return squared + change**2

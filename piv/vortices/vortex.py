@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,9 @@ class Vortex:
     uncertainty that the vectors' errors make. `x_fit` to `explained` are of the Lamb-Oseen vortex
     that fits best, swirl circulation/(2 pi r) (1 - exp(-r^2/core_radius^2)); NaN where none fits.
     `explained` is the part of the vectors' variance that it explains.
+
+    `at_edge`: a circle that it is measured within reaches beyond the plane. Its place, radius and
+    peak are those of the part that is seen; all other measures are NaN.
     """
 
     x: float
@@ -45,6 +48,7 @@ class Vortex:
     circulation_fit_std: float
     core_radius_std: float
     explained: float
+    at_edge: bool = field(default=False, kw_only=True)
 
     def __repr__(self) -> str:
         place = f"x={self.x:.4g}, y={self.y:.4g}"

@@ -15,6 +15,7 @@ value = "dorsal"                    # number (SI), [low, high] or word
 tolerance = 0.0                     # SI, added on the generous side; numbers only
 reason = "…"                        # why this value and tolerance
 window = [0.25, 0.75]               # fractions of the change of bend angle; or one of:
+# window = "known"                            while both know the vortex, else as [0.25, 0.75]
 # window = { gap = [0.02, 0.005] }            gap between tip and plane, m, as the fingers close
 # window = { contact = [-0.02, 0.1] }         s from contact: 0.1 mm above the residual gap
 # window = { stroke = 1, part = [0.25, 1.0] } fractions of one stroke's bend, counted from 0

@@ -7,11 +7,9 @@ import pandas as pd
 
 from postprocess.evidence.evidence import Evidence
 from postprocess.evidence.pair_integrals import DORSAL, LATE, VENTRAL, formed, pair_of
-from postprocess.evidence.time_windows import Clock
-from postprocess.evidence.tip_vortex import rms
+from postprocess.evidence.time_windows import APPROACH, Clock
+from postprocess.evidence.tip_vortex import common_instants, rms
 
-# m of gap between tip and plane, as of the findings; nearer the two regions meet
-APPROACH = (0.020, 0.005)
 AFTER = 0.15  # s after contact
 _BEFORE = 0.25  # s before it: a vortex of an opening stroke is older
 _Numbers = dict[str, float | None]
@@ -28,11 +26,15 @@ def pinch_summary(evidence: Evidence) -> dict[str, Any]:
         "least_gap": float(gap.min()),
         "peak_closing_speed": float(-(np.gradient(gap, time).min())),
     }
-    for source, pairs in evidence.pairs.items():
+    tables = {"pairs": evidence.pairs, "lines": evidence.lines}
+    if len(evidence.pairs) == 2:  # both columns of the page are of the same instants
+        for name, (cfd, piv) in {k: tuple(of.values()) for k, of in tables.items()}.items():
+            tables[name] = dict(zip(tables[name], common_instants(cfd, piv), strict=True))
+    for source, pairs in tables["pairs"].items():
         width = evidence.planes[source].attrs["tip_width"]
-        lines = evidence.lines[source]
+        lines = tables["lines"][source]
         out[source] = _source_numbers(pairs, lines, clock, met)
-        times = lines["time"].to_numpy()
+        times = evidence.lines[source]["time"].to_numpy()
         out[source] |= integral_numbers(times, evidence.integrals[source], clock, met, width)
     return out
 

@@ -1,4 +1,4 @@
-"""The comparison as series over time and as key numbers over the middle of the stroke."""
+"""The comparison as series over time and as key numbers over the instants that are judged."""
 
 from collections.abc import Callable
 from typing import Any
@@ -40,26 +40,18 @@ def series_table(evidence: Evidence, window: _Window) -> pd.DataFrame:
 def summary(evidence: Evidence, window: _Window) -> dict[str, Any]:
     """Key numbers over a window, by source and of PIV against CFD; None: not measurable."""
     tips = tracks.dominant_tracks(evidence.vortices, 0, window)
-    out: dict[str, Any] = {source: _vortex_numbers(track, window) for source, track in tips.items()}
+    out: dict[str, Any] = {
+        source: {
+            "circulation_mean": means["circulation"],
+            "side": str(tips[source].loc[tips[source]["time"].between(*window), "side"].mode()[0]),
+            "instants": means["instants"],
+        }
+        for source, means in tracks.common_means(tips, window).items()
+    }
     if "piv-cfd" in evidence.sums:
         pair = _or_none(paired, Part(evidence, "piv-cfd", window))
         out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(pair)
-        if pair is not None and pair["known"].any():
-            known = pair[pair["known"]]
-            # Means of the same instants, so that they differ by no more than the vortices do.
-            for source, column in (("cfd", "reference"), ("piv", "other")):
-                mean = float(known[f"circulation_{column}"].mean())
-                out[source] |= {"circulation_mean": mean, "instants": len(known)}
     return out
-
-
-def _vortex_numbers(track: pd.DataFrame, window: _Window) -> dict[str, Any]:
-    rows = track[track["time"].between(*window)]
-    return {
-        "circulation_mean": float(rows["circulation"].mean()),
-        "side": str(rows["side"].mode().iloc[0]),
-        "instants": len(rows),
-    }
 
 
 def _velocity_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:

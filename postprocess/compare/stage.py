@@ -29,7 +29,6 @@ from postprocess.compare.series import series_table, summary
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles
-from postprocess.evidence.strokes import MIDDLE, stroke_window
 from postprocess.evidence.time_windows import interval
 from postprocess.evidence.tip_vortex import ENOUGH, KNOWN, dominant_tracks, strengths
 from postprocess.tables import write_table
@@ -143,15 +142,16 @@ def compare(files: StageFiles) -> dict[str, Any]:
     evidence = load_evidence(files)
     out = files.out
     run = RUN.read(files.required("run/run.json", "solve"))
-    middle = stroke_window(evidence.clock.time, evidence.clock.progress, MIDDLE)
-    if own is None and strengths(evidence.vortices["cfd"], 0, middle).empty:
+    clock = evidence.clock
+    middle, judged = clock.middle(), clock.judged()
+    if own is None and strengths(evidence.vortices["cfd"], 0, clock.stroke()).empty:
         # A flow without a vortex is compared by its velocities alone.
         findings = tuple(finding for finding in findings if finding.quantity.startswith("velocity"))
     seen = None
     if evidence.has("piv"):
-        tips = dominant_tracks(evidence.vortices, 0, middle)
+        tips = dominant_tracks(evidence.vortices, 0, judged)
         tip = next(iter(tips.values()), evidence.vortices["piv"].iloc[:0])
-        seen = resolution(files.numbers, tip[tip["time"].between(*middle)], evidence.scale)
+        seen = resolution(files.numbers, tip[tip["time"].between(*judged)], evidence.scale)
     checks = [judge(finding, evidence, seen) for finding in findings]
     pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
     result = {
@@ -160,13 +160,15 @@ def compare(files: StageFiles) -> dict[str, Any]:
         "sources": list(evidence.planes),
         "scale": {"name": "peak speed of the finger's tip", "value": evidence.scale, "unit": "m/s"},
         "middle_of_stroke_s": middle,
+        "judged_s": judged,
+        "judged": "known" if clock.known else "middle",
         "verdict": {"agrees": _agrees(checks)},
         "checks": checks,
         "sentences": [judge_sentence(sentence, checks) for sentence in sentences],
-        "summary": summary(evidence, middle) | pinch,
+        "summary": summary(evidence, judged) | pinch,
         "provenance": _provenance(out, run, own, evidence.planes),
     }
-    write_table(out / "comparison.csv", series_table(evidence, middle))
+    write_table(out / "comparison.csv", series_table(evidence, judged))
     for name in ("pairs", "lines", "integrals"):
         for source, table in getattr(evidence, name).items():
             file = "centreline" if name == "lines" else name

@@ -63,7 +63,7 @@ def over_time(
 ) -> Figure:
     """Draw one panel below the other.
 
-    middle: of the stroke, which is shaded; met: contact of two fingers (s).
+    middle: what is compared, which is shaded; met: contact of two fingers (s).
 
     No axis is set by a spike of a few instants, as of a solver's first steps.
     """

@@ -42,13 +42,14 @@ def load_evidence(files: StageFiles) -> Evidence:
     scale, _ = peak_tip_speed(cfd["time"].values, cfd["tip"].values)
     sums = {"piv-cfd": fields.field_sums(cfd, planes["piv"])} if "piv" in planes else {}
     clock = read_clock(files.numbers, cfd)
+    clock = replace(clock, known=tracks.known_window(vortices, clock.stroke()))
     evidence = Evidence(planes, vortices, scale, clock, sums)
     if cfd.sizes["finger"] < 2:
         return evidence
     single, absent = single_finger(files.numbers)
     return replace(
         evidence,
-        pairs={source: pair_vortices(table) for source, table in vortices.items()},
+        pairs={source: pair_vortices(table, clock.closing()) for source, table in vortices.items()},
         lines={source: centreline(plane, scale) for source, plane in planes.items()},
         integrals={
             source: pair_integrals(plane, vortices[source]) for source, plane in planes.items()

@@ -25,6 +25,7 @@ def pair_integrals(plane: xr.Dataset, table: pd.DataFrame) -> pd.DataFrame:
     The strongest of the vortex `table` near the finger's tip. `between`: vertical velocity (m/s) on
     x = 0 at its height.
     """
+    table = seen_whole(table)
     near = table[table["tip_distance"] <= table["side"].map(_REACH).astype(float)]
     upward = near["circulation"] * (1 - 2 * near["finger"].astype(int)) * FLOWS["upward"] > 0
     near = near.assign(flow=np.where(upward, "upward", "downward"))
@@ -42,6 +43,22 @@ def pair_integrals(plane: xr.Dataset, table: pd.DataFrame) -> pd.DataFrame:
         middle = on_middle(np.where(valid, v, np.nan)[:, columns], share)
         between[at] = np.interp(rows.loc[at, "y"], y, middle)
     return rows.assign(between=between)[list(COLUMNS)]
+
+
+def seen_whole(table: pd.DataFrame) -> pd.DataFrame:
+    """The vortices of each finger and sense until the largest of them meets the edge of the plane.
+
+    What is the largest from then on is another vortex, or not known.
+    """
+    if "at_edge" not in table:
+        return table
+    size = table["peak_vorticity"] * table["radius"] ** 2  # a Lamb–Oseen circulation goes with it
+    kept = []
+    for _, rows in table.groupby([table["finger"], np.sign(size)]):
+        largest = rows.loc[size[rows.index].abs().groupby(rows["time"]).idxmax()]
+        lost = largest.loc[largest["at_edge"] == 1, "time"].min()
+        kept.append(rows[~(rows["time"] >= lost) & (rows["at_edge"] == 0)])
+    return pd.concat(kept).sort_index() if kept else table
 
 
 def pair_of(integrals: pd.DataFrame, side: str, flow: str) -> pd.DataFrame:

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from postprocess.evidence.strokes import stroke_window
+from postprocess.evidence.strokes import MIDDLE, stroke_window
 
+# m of gap between tip and plane, over which a pinch is judged; nearer the two regions meet
+APPROACH = (0.020, 0.005)
 _CONTACT = 1e-4  # m above the residual gap: nearer, the tips count as in contact
 _FORMS = (
-    "[a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] }"
+    '"known", [a, b], { gap = [a, b] }, { contact = [a, b] }, { stroke = k, part = [a, b] }'
     " or { stroke = k, after = [a, b] }"
 )
 
@@ -19,6 +21,8 @@ _FORMS = (
 class Window:
     """Two edges of a `kind`: "bend" (fractions of the change of bend angle), "gap" (m, falling),
     "contact" (s from contact), "part" (as "bend", of one stroke) or "after" (s from its start).
+
+    "known" has none: it lasts while CFD and PIV know the tip's vortex.
     """
 
     kind: str
@@ -29,6 +33,7 @@ class Window:
         """Describe the window to a reader."""
         a, b = self.edges
         return {
+            "known": "while CFD and PIV know the tip vortex",
             "bend": f"{100 * a:.0f} to {100 * b:.0f} % of the bend",
             "gap": f"from a gap of {a * 1e3:g} mm between tip and plane down to {b * 1e3:g} mm",
             "contact": f"{a:+g} to {b:+g} s from contact",
@@ -41,7 +46,8 @@ class Window:
 class Clock:
     """What windows are defined by: progress over time (s), gap (m) over gap_time, strokes' starts.
 
-    `progress` as of postprocess.evidence.strokes (the bend in rad).
+    `progress` as of postprocess.evidence.strokes (the bend in rad). `known`: from when to when CFD
+    and PIV know the tip's vortex, s; None: never both, or there is no PIV.
     """
 
     time: ndarray
@@ -50,6 +56,20 @@ class Clock:
     gap: ndarray | None = None
     residual_gap: float = 0.0
     starts: tuple[float, ...] = ()
+    known: tuple[float, float] | None = None
+
+    def middle(self) -> tuple[float, float]:
+        """First and last instant (s) of the middle of the stroke."""
+        return stroke_window(self.time, self.progress, MIDDLE)
+
+    def judged(self) -> tuple[float, float]:
+        """While CFD and PIV know the vortex, else the middle of the stroke, s."""
+        return self.known or self.middle()
+
+    def stroke(self) -> tuple[float, float]:
+        """From the beginning (s) until the stroke after that of `middle` begins, or to the end."""
+        end = self.middle()[1]
+        return float(self.time[0]), min([s for s in self.starts if s >= end] or [self.time[-1]])
 
     def gaps(self) -> tuple[ndarray, ndarray]:
         """Times (s) and gaps (m); ValueError where there is no second finger."""
@@ -63,6 +83,13 @@ class Clock:
         """The gap (m) at other times (s)."""
         return np.interp(time, *self.gaps())
 
+    def closing(self) -> tuple[float, float]:
+        """First and last instant (s) of APPROACH; of the middle of the stroke if it is not met."""
+        try:
+            return interval(Window("gap", APPROACH), self)
+        except ValueError:
+            return self.middle()
+
     def met(self) -> float | None:
         """When the tips meet, s: the gap is within `_CONTACT` of the residual gap; or None."""
         contact = self.residual_gap + _CONTACT
@@ -71,6 +98,8 @@ class Clock:
 
 def read_window(value: Any) -> Window:
     """The window that a finding gives; ValueError where it is none of the forms."""
+    if value == "known":
+        return Window("known", (0.0, 1.0))
     table: Any = {"bend": value} if isinstance(value, list) else value
     keys = set(table) if isinstance(table, dict) else set()
     if keys not in ({"bend"}, {"gap"}, {"contact"}, {"stroke", "part"}, {"stroke", "after"}):
@@ -94,6 +123,8 @@ def read_window(value: Any) -> Window:
 def interval(window: Window, clock: Clock) -> tuple[float, float]:
     """First and last instant, s; ValueError where the motion has no such gap, contact or stroke."""
     a, b = window.edges
+    if window.kind == "known":
+        return clock.judged()
     if window.kind == "bend":
         return stroke_window(clock.time, clock.progress, (a, b))
     if window.kind == "gap":

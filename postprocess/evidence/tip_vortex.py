@@ -34,10 +34,12 @@ def of_disc(table: pd.DataFrame) -> pd.DataFrame:
 def strengths(table: pd.DataFrame, finger: int, window: tuple[float, float]) -> pd.Series:
     """Mean |circulation| (m²/s) of each track near the tip over the window, strongest first.
 
-    A track counts as zero at instants where it is absent, so that a flicker cannot win.
+    A track counts as zero at instants where it is absent, so that a flicker cannot win. Vortices
+    at the edge of what is seen, which are not measured, do not count.
     """
     inside = table[table["time"].between(*window)]
     near = inside[(inside["finger"] == finger) & (inside["tip_distance"] <= REACH)]
+    near = near[near["circulation"].notna()]
     instants = inside["time"].nunique()
     total = near["circulation"].abs().groupby(near["track"]).sum()
     return (total / max(instants, 1)).sort_values(ascending=False)
@@ -97,17 +99,77 @@ def pair_tracks(reference: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     Columns: time, each of COMPARED that both have with _reference and _other, centre_distance (m),
     and whether both circulations are `known` to KNOWN.
     """
-    first, last = reference["time"].iloc[[0, -1]]
-    inside = other["time"].between(first - 1e-9, last + 1e-9)
-    at = other[inside].reset_index(drop=True)
+    sure = (rows.assign(known=known(rows).astype(float)) for rows in (reference, other))
+    then, at = common_instants(*sure)
     pair = pd.DataFrame({"time": at["time"]})
     for name in reference.columns.intersection(other.columns).intersection(COMPARED):
-        pair[f"{name}_reference"] = np.interp(at["time"], reference["time"], reference[name])
-        pair[f"{name}_other"] = at[name]
-    pair["known"] = known(other)[inside].to_numpy()
-    pair["known"] &= np.interp(at["time"], reference["time"], known(reference)) == 1.0
+        pair[f"{name}_reference"], pair[f"{name}_other"] = then[name], at[name]
+    pair["known"] = (then["known"] == 1.0) & (at["known"] == 1.0)
     dx, dy = pair["x_other"] - pair["x_reference"], pair["y_other"] - pair["y_reference"]
     return pair.assign(centre_distance=np.hypot(dx, dy))
+
+
+def common_instants(
+    reference: pd.DataFrame, other: pd.DataFrame
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The numbers of two series at those of `other`'s instants at which both exist.
+
+    `reference` is linear in time between its rows.
+    """
+    ends = reference["time"].agg(["min", "max"]).tolist()
+    inside = other["time"].between(ends[0] - 1e-9, ends[1] + 1e-9)
+    at = other[inside].reset_index(drop=True)
+    numbers = reference.select_dtypes(["number", "boolean"]).astype(float)
+    then = {
+        name: np.interp(at["time"], reference["time"], numbers[name]) if len(at) else []
+        for name in numbers
+    }
+    return pd.DataFrame(then), at
+
+
+def common_means(
+    tips: dict[str, pd.DataFrame], window: tuple[float, float]
+) -> dict[str, dict[str, float]]:
+    """Means of COMPARED by source over a window (s), with the number of `instants`.
+
+    Of two sources both are of the same instants: of those at which both circulations are known,
+    or, where there is none, of those at which both find the vortex. None: no such instant.
+    """
+    rows = {source: track[track["time"].between(*window)] for source, track in tips.items()}
+    if len(tips) == 2:
+        (one, reference), (two, other) = tips.items()
+        pair = pair_tracks(reference, other)
+        pair = pair[pair["time"].between(*window)]
+        pair = pair[pair["known"]] if pair["known"].any() else pair
+        ends = {one: "_reference", two: "_other"}
+        rows = {
+            source: pd.DataFrame({n: pair[n + end] for n in COMPARED if n + end in pair})
+            for source, end in ends.items()
+        }
+    return {
+        source: {str(name): float(of[name].mean()) for name in of.columns.intersection(COMPARED)}
+        | {"instants": len(of)}
+        for source, of in rows.items()
+        if len(of)
+    }
+
+
+def known_window(
+    tables: dict[str, pd.DataFrame], stroke: tuple[float, float]
+) -> tuple[float, float] | None:
+    """First and last instant (s) of a stroke at which every source knows the tip's vortex.
+
+    Where the circulation is known at less than ENOUGH of them: at which both find the vortex. None
+    without two such instants.
+    """
+    tips = dominant_tracks(tables, 0, stroke)
+    if len(tips) < 2:
+        return None
+    pair = pair_tracks(*tips.values())
+    pair = pair[pair["time"].between(*stroke)]
+    sure = pair[pair["known"]] if pair["known"].sum() >= max(2, ENOUGH * len(pair)) else pair
+    times = sure["time"]
+    return (float(times.min()), float(times.max())) if len(times) > 1 else None
 
 
 def known(rows: pd.DataFrame, of: str = "") -> pd.Series:

@@ -1,9 +1,10 @@
-"""The tip vortices of two fingers, paired instant by instant: how equal, opposite and mirrored."""
+"""The tip vortices of two fingers as a pair: how equal, opposite and mirrored."""
 
 import numpy as np
 import pandas as pd
 
-_REACH = 5.0  # tip widths: the pair is followed beyond where a vortex counts as the tip's own
+from postprocess.evidence.tip_vortex import counterpart, dominant_track, strengths
+
 _KEPT = (
     *("track", "x", "y", "circulation", "radius"),
     *("side", "tip_distance", "along_tip", "across_tip"),
@@ -11,36 +12,38 @@ _KEPT = (
 _ERRORS = ("x_std", "y_std", "circulation_std", "radius_std")  # kept where the table has them
 
 
-def pair_vortices(table: pd.DataFrame) -> pd.DataFrame:
-    """One row per instant at which both tips have a vortex, left finger _0 and right _1.
+def pair_vortices(table: pd.DataFrame, window: tuple[float, float]) -> pd.DataFrame:
+    """One row per instant at which both tips have their vortex, left finger _0 and right _1.
 
-    The strongest vortex near either tip, and of the other finger's the one nearest to its mirror
-    image in x = 0. Where the two centres are closer than their mean radius the flow does not tell
-    the circulation of either, so that instant is left out. `imbalance` = |Γ0 + Γ1| over the mean of
-    |Γ0| and |Γ1|; `mirror_distance` (m): of one centre from the mirror image of the other.
+    The track that is strongest near either tip over the `window` (s), and of the other finger's
+    strong ones the nearest to its mirror image in x = 0. Where the two centres are closer than
+    their mean radius the flow does not tell the circulation of either, so that instant is left
+    out. `imbalance` = |Γ0 + Γ1| over the mean of |Γ0| and |Γ1|; `mirror_distance` (m): of one
+    centre from the mirror image of the other.
     """
     kept = [*_KEPT, *(name for name in _ERRORS if name in table)]
-    rows = []
-    near = table[(table["tip_distance"] <= _REACH) & table["finger"].isin([0, 1])]
-    for time, now in near.groupby("time"):
-        fingers = [now[now["finger"] == finger] for finger in (0, 1)]
-        if any(vortices.empty for vortices in fingers):
-            continue
-        first = int(now.loc[now["circulation"].abs().idxmax(), "finger"])
-        one = fingers[first].loc[fingers[first]["circulation"].abs().idxmax()]
-        others = fingers[1 - first]
-        off = np.hypot(others["x"] + one["x"], others["y"] - one["y"])  # from the mirror image
-        other = others.loc[off.idxmin()]
-        apart = float(np.hypot(other["x"] - one["x"], other["y"] - one["y"]))
-        if apart < 0.5 * (one["radius"] + other["radius"]):
-            continue
+    found = [strengths(table, finger, window) for finger in (0, 1)]
+    pair = pd.DataFrame({name: pd.Series(dtype=float) for name in ["time", *_named(kept)]})
+    if all(len(ranking) for ranking in found):
+        first = int(found[1].iloc[0] > found[0].iloc[0])
+        one = dominant_track(table, first, window, "")
+        other = counterpart(table, one.assign(x=-one["x"]), 1 - first, window)
         left, right = (one, other) if first == 0 else (other, one)
-        total = abs(left["circulation"]) + abs(right["circulation"])
-        imbalance = abs(left["circulation"] + right["circulation"]) / (0.5 * total)
-        values = [v[name] for v in (left, right) for name in kept]
-        rows.append([time, *values, imbalance, float(off.min())])
-    named = [f"{name}_{finger}" for finger in (0, 1) for name in kept]
-    return pd.DataFrame(rows, columns=["time", *named, "imbalance", "mirror_distance"])
+        columns = ["time", *kept]
+        pair = left[columns].merge(right[columns], on="time", suffixes=("_0", "_1"))
+    x, y, size = (
+        [pair[f"{name}_{finger}"].astype(float) for finger in (0, 1)]
+        for name in ("x", "y", "circulation")
+    )
+    total = 0.5 * (size[0].abs() + size[1].abs())
+    pair["imbalance"] = (size[0] + size[1]).abs() / total
+    pair["mirror_distance"] = np.hypot(x[0] + x[1], y[0] - y[1])
+    apart = np.hypot(x[0] - x[1], y[0] - y[1])
+    return pair[apart >= 0.5 * (pair["radius_0"] + pair["radius_1"])].reset_index(drop=True)
+
+
+def _named(kept: list[str]) -> list[str]:
+    return [f"{name}_{finger}" for finger in (0, 1) for name in kept]
 
 
 def of_finger(pairs: pd.DataFrame, finger: int) -> pd.DataFrame:

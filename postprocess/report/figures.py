@@ -60,12 +60,12 @@ def make_figures(files: StageFiles, threads: int = 1) -> list[dict[str, Any]]:
 def _flow(files: StageFiles) -> Iterator[Flow]:
     """The flow that is drawn; each process reads it by itself."""
     comparison = COMPARISON.read(files.out / "comparison.json")
-    middle, scale = comparison["middle_of_stroke_s"], comparison["scale"]["value"]
+    judged, scale = comparison["judged_s"], comparison["scale"]["value"]
     planes, tables = read_sources(files)
     try:
         clock = read_clock(files.numbers, planes["cfd"])
-        dominant = tip_vortices(planes["cfd"], tables, clock, middle)
-        yield Flow(files, planes, tables, dominant, scale, clock, middle)
+        dominant = tip_vortices(planes["cfd"], tables, clock, judged)
+        yield Flow(files, planes, tables, dominant, scale, clock, judged)
     finally:
         for plane in planes.values():
             plane.close()
@@ -91,7 +91,7 @@ def _space(album: Album, flow: Flow) -> None:
 
 def _others(album: Album, flow: Flow) -> None:
     motion = flow.files.numbers.motion_folder
-    out, plane, at = flow.files.out, flow.planes["cfd"], float(np.mean(flow.middle))
+    out, plane, at = flow.files.out, flow.planes["cfd"], float(np.mean(flow.judged))
     timeline(album, flow)
     vortex_figures(album, flow)
     if plane.sizes["finger"] > 1:

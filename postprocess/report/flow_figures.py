@@ -29,15 +29,18 @@ _AFTER_CONTACT = (0.0, 0.15)  # s: instants shown of a pinch
 
 
 def tip_vortices(
-    plane: xr.Dataset, tables: dict[str, pd.DataFrame], clock: Clock, middle: tuple[float, float]
+    plane: xr.Dataset, tables: dict[str, pd.DataFrame], clock: Clock, judged: tuple[float, float]
 ) -> Tracks:
-    """By source each finger's vortex: the dominant one of each stroke, or of a pinch the pair."""
+    """By source each finger's vortex: the dominant one of each stroke, or of a pinch the pair.
+
+    `judged`: the instants (s) over which the dominant one of a single stroke is the strongest.
+    """
     if plane.sizes["finger"] < 2:
         known = {}
         for k, start in enumerate(clock.starts if len(clock.starts) > 1 else ()):
             with suppress(ValueError):  # it begins after the end, or nothing moves
                 known[start] = interval(Window("part", MIDDLE, k), clock)
-        known = known or {-np.inf: middle}
+        known = known or {-np.inf: judged}
         edges = [-np.inf, *[*known][1:], np.inf]  # each stroke's vortex until the next stroke
         found: Tracks = {}
         for window, first, last in zip(known.values(), edges[:-1], edges[1:], strict=True):
@@ -45,7 +48,8 @@ def tip_vortices(
                 during = rows[rows["time"].between(first, last, inclusive="left")]
                 found.setdefault(source, []).append(during)
         return {source: [pd.concat(rows, ignore_index=True)] for source, rows in found.items()}
-    paired = {source: pairs.pair_vortices(table) for source, table in tables.items()}
+    window = clock.closing()
+    paired = {source: pairs.pair_vortices(table, window) for source, table in tables.items()}
     return {
         s: [pairs.of_finger(p, finger) for finger in (0, 1)] for s, p in paired.items() if len(p)
     }
@@ -54,7 +58,7 @@ def tip_vortices(
 class Flow(NamedTuple):
     """What is drawn, by source: plane series, all vortices, and the vortices that are judged.
 
-    `middle`: of the stroke, s.
+    `judged`: first and last instant (s) of what is compared.
     """
 
     files: StageFiles
@@ -63,7 +67,7 @@ class Flow(NamedTuple):
     dominant: Tracks
     scale: float  # m/s
     clock: Clock
-    middle: tuple[float, float]
+    judged: tuple[float, float]
 
     def instants(self) -> ndarray:
         """Times of the pictures, s: through the stroke, of a pinch from contact on, the last."""

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from postprocess.compare.pinch_summary import AFTER, APPROACH
+from postprocess.compare.pinch_summary import AFTER
 from postprocess.evidence.pair_integrals import LATE
+from postprocess.evidence.time_windows import APPROACH
 from postprocess.words import PAIRS, quantity
 
 _OF_GAP = "{:g} to {:g} mm of gap".format(*(1e3 * gap for gap in APPROACH))

@@ -49,7 +49,7 @@ def make_report(files: StageFiles) -> Path:
         rows=wording.rows(comparison, bool(trial)),
         sentences=sentences,
         unquoted=unquoted,
-        middle=middle,
+        judged=wording.judged_words(comparison),
         strokes=len(scene.motion.strokes),
         sections=sections,
         pinch=pinch,

@@ -41,13 +41,13 @@ def timeline(album: Album, flow: Flow) -> None:
     alt = "Motion, circulation of the tip vortex, force and difference of PIV and CFD over time."
     not_judged = "What lies outside it, or has a band (95 %) of more than ±10 %, is not judged. "
     good = "Good: in it the two curves of the circulation lie on each other."
-    caption = f"Shaded: the middle of the stroke. {not_judged * (flow.clock.gap is None)}{good}"
+    caption = f"Shaded: what is compared. {not_judged * (flow.clock.gap is None)}{good}"
     if "piv" not in flow.planes:
         caption = "Shaded: the middle of the stroke, over which the page averages."
     x0, x1, y0, y1 = flow.region()
     beside = (WIDTH - EDGES) * (y1 - y0) / (x1 - x0) + 1.2  # as high as the slider's pictures
     height = float(np.clip(max(beside, 1.15 * len(panels)), 4.8, 7.5))
-    figure = over_time(panels, height, middle=flow.middle)
+    figure = over_time(panels, height, middle=flow.judged)
     album.add(figure, "timeline.svg", "timeline", alt, caption, texts=texts)
 
 
@@ -120,14 +120,14 @@ def _values(panels: Panels, time: float) -> str:
 
 def vortex_figures(album: Album, flow: Flow) -> None:
     """The way of the tip vortices, and circulation and force of the levels that were run."""
-    files, middle = flow.files, flow.middle
+    files, middle = flow.files, flow.judged
     if flow.dominant:
         alt = "Paths of the vortex centre and of the finger's tip over the finger's outline."
         caption = "The finger at the first, middle and last instant."
         if "piv" in flow.planes:
             caption += (
-                " Good: the paths of CFD and PIV cover each other; bars hold 95 % in the middle of"
-                " the stroke."
+                " Good: the paths of CFD and PIV cover each other; bars hold 95 % where they are"
+                " compared."
             )
         figure = draw_series.paths(flow.dominant, flow.planes["cfd"], middle)
         album.add(figure, "paths.svg", "vortex", alt, caption)

@@ -104,7 +104,15 @@ def answer(comparison: dict[str, Any], trial: str = "") -> str:
     }[agrees]
     met = sum(check["met"] is True for check in paper)
     findings = f"; both show {met} of the paper's {len(paper)} findings" if paper else ""
-    return f"{start}; over the middle of the stroke {_numbers(comparison)}{findings}."
+    return f"{start}; {judged_words(comparison)} {_numbers(comparison)}{findings}."
+
+
+def judged_words(comparison: dict[str, Any]) -> str:
+    """When flow and PIV are compared."""
+    first, last = comparison["judged_s"]
+    if comparison["judged"] == "known":
+        return f"from {first:.3f} to {last:.3f}{NBSP}s, while both know the tip vortex,"
+    return f"over the middle of the stroke, {first:.3f} to {last:.3f}{NBSP}s,"
 
 
 def _failing(comparison: dict[str, Any], met: bool | None) -> str:
@@ -176,7 +184,7 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
     out = [
         (quantity(scale, "m/s"), "peak speed of the tip", "the scale of every velocity difference")
     ]
-    window = "{:.3f} to {:.3f} s".format(*comparison["middle_of_stroke_s"])
+    window = "{:.3f} to {:.3f} s".format(*comparison["judged_s"])
     for source in ("cfd", "piv"):
         if source in summary:
             mean = summary[source]["circulation_mean"]
@@ -206,7 +214,7 @@ def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
 def absences(comparison: dict[str, Any], finger: bool) -> list[str]:
     """One sentence for each optional part that the page lacks; `finger`: not a rigid body."""
     seen, has_piv = comparison["summary"], "piv" in comparison["sources"]
-    middle = "shows no vortex near the tip in the middle of the stroke"
+    middle = "shows no vortex near the tip from {:.3f} to {:.3f} s".format(*comparison["judged_s"])
     notes = {
         "The scene has no findings (reference/findings.toml): agreement of PIV with the CFD is"
         " judged and nothing else.": comparison["checks"]

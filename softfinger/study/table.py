@@ -154,21 +154,21 @@ def middle_of_stroke(files: StageFiles) -> tuple[float, float]:
 
 def _vortex(files: StageFiles, fresh: list[str]) -> dict[str, Any]:
     """Means of the tip vortex in mid-stroke, by source."""
-    numbers: dict[str, Any] = {}
-    for source in ("cfd", "piv"):
-        name = f"vortices_{source}.csv"
-        if f"vortices_{source}" not in fresh:
-            continue
-        window = middle_of_stroke(files)
-        table = tracks.read_vortices(files.out / name)
-        if tracks.strengths(table, 0, window).empty:
-            continue  # no vortex near the tip: the cells stay empty
-        track = tracks.dominant_track(table, 0, window, name)
-        track = track[track["time"].between(*window)]
-        for column in tracks.COMPARED:
-            unit = {"circulation": "m2_per_s", "peak_vorticity": "per_s"}.get(column, "m")
-            numbers[f"{column}_{source}_{unit}"] = float(track[column].mean())
-    return numbers
+    tables = {
+        source: tracks.read_vortices(files.out / f"vortices_{source}.csv")
+        for source in ("cfd", "piv")
+        if f"vortices_{source}" in fresh
+    }
+    if not tables:
+        return {}
+    window = middle_of_stroke(files)
+    tips = tracks.dominant_tracks(tables, 0, window)  # without a vortex the cells stay empty
+    units = {"circulation": "m2_per_s", "peak_vorticity": "per_s"}
+    return {
+        f"{column}_{source}_{units.get(column, 'm')}": means[column]
+        for source, means in tracks.common_means(tips, window).items()
+        for column in tracks.COMPARED
+    }
 
 
 def _outcome(out: Path) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from docs.evidence.piv.turbulence_field import TurbulentPlane
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen
+from piv.vortices.settings import VortexSettings
+from piv.vortices.table import tabulate_vortices
 
 STEP = 8.0
 AXIS_X, AXIS_Y = np.arange(160) * STEP + 16, np.arange(125) * STEP + 16
@@ -290,3 +292,19 @@ def test_a_hole_in_the_vectors_of_a_core_is_no_missing_vortex():
     # a linear fit over two steps of smoothing misses some of the curvature: 4 %
     assert found.circulation_disc == pytest.approx(whole.circulation_disc, rel=0.06)
     assert (found.x, found.y) == pytest.approx((600, 500), abs=1.0)
+
+
+def test_a_vortex_whose_circle_meets_the_edge_is_flagged_and_not_measured():
+    """Of the disc three smoothing lengths wide a part lies beyond the plane."""
+    x, y = np.arange(0, 0.06, 5e-4), np.arange(0, 0.05, 5e-4)
+    gx, gy = np.meshgrid(x, y)
+    for distance, at_edge in ((0.005, True), (0.02, False)):
+        u, v = lamb_oseen(gx, gy, x[-1] - distance, 0.02, 0.01, 3e-3)
+        plane = make_plane(x, y, u, v)
+        (seen,) = find_vortices(plane, scale=2e-3, min_part=0.5)
+        assert seen.at_edge is at_edge
+        assert np.isnan(seen.circulation_disc) == np.isnan(seen.circulation) == at_edge
+        assert np.isnan(seen.circulation_disc_std) == np.isnan(seen.circulation_fit) == at_edge
+        assert seen.peak_vorticity > 0
+        row = tabulate_vortices(plane, VortexSettings(scale=2e-3, min_part=0.5)).iloc[0]
+        assert bool(row["at_edge"]) is at_edge

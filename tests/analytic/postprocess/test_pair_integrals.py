@@ -87,3 +87,15 @@ def test_regions_that_jump_by_a_tip_width_are_no_pair_that_lasts(jump, forms):
     to_and_fro = np.where(TIMES < 0.038, jump * WIDTH * (np.arange(TIMES.size) % 2), jump * WIDTH)
     found_at = integrals.formed(TIMES, risen(TIMES > 0.012, 0.2 + to_and_fro), WIDTH)
     assert found_at == pytest.approx(forms)
+
+
+def test_a_side_is_not_told_once_its_largest_vortex_has_met_the_edge():
+    """What is the largest that is still measured was a lesser one before."""
+    rows = [
+        {"time": t, "finger": 0, "at_edge": int(t > 0.1 and peak < -9), "peak_vorticity": peak,
+         "radius": 0.005}
+        for t in (0.1, 0.2, 0.3) for peak in (-10.0, -3.0, 4.0)
+    ]  # fmt: skip
+    left = integrals.seen_whole(pd.DataFrame(rows))
+    assert left["time"].tolist() == [0.1, 0.1, 0.1, 0.2, 0.3]
+    assert left["peak_vorticity"].tolist() == [-10.0, -3.0, 4.0, 4.0, 4.0]

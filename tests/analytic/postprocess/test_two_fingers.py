@@ -15,9 +15,9 @@ WIDTH = 0.014
 
 def vortex(time, finger, x, y, circulation, track=0, distance=0.5):
     return {
-        "time": time, "finger": finger, "x": x, "y": y, "circulation": circulation, "track": track,
-        "radius": 0.004, "side": "dorsal", "tip_distance": distance, "along_tip": 0.001,
-        "across_tip": 0.002 * (1 + time),
+        "time": time, "finger": finger, "x": x, "y": y, "circulation": circulation,
+        "track": track or finger, "radius": 0.004, "side": "dorsal", "tip_distance": distance,
+        "along_tip": 0.001, "across_tip": 0.002 * (1 + time),
     }  # fmt: skip
 
 
@@ -25,11 +25,12 @@ def test_a_mirrored_pair_is_exact_and_known_errors_come_out():
     rows = [vortex(0.1, 0, -0.02, 0.17, -1e-2), vortex(0.1, 1, 0.02, 0.17, 1e-2)]
     rows += [vortex(0.2, 0, -0.02, 0.17, -1e-2), vortex(0.2, 1, 0.023, 0.166, 0.98e-2)]
     rows += [vortex(0.3, 0, -0.02, 0.17, -1e-2)]  # alone: no pair
+    # the pair is followed as far as it goes
     rows += [vortex(0.4, 0, -0.02, 0.17, -1e-2), vortex(0.4, 1, 0.02, 0.17, 1e-2, distance=9.0)]
-    table = pairs.pair_vortices(pd.DataFrame(rows))
-    assert table["time"].tolist() == [0.1, 0.2]
-    assert table["imbalance"].tolist() == pytest.approx([0.0, 0.02 / 0.99])
-    assert table["mirror_distance"].tolist() == pytest.approx([0.0, 5e-3])
+    table = pairs.pair_vortices(pd.DataFrame(rows), (0.0, 1.0))
+    assert table["time"].tolist() == [0.1, 0.2, 0.4]
+    assert table["imbalance"].tolist() == pytest.approx([0.0, 0.02 / 0.99, 0.0])
+    assert table["mirror_distance"].tolist() == pytest.approx([0.0, 5e-3, 0.0])
     assert pairs.senses(table) == "opposite"
 
 
@@ -37,20 +38,35 @@ def test_cores_that_overlap_are_no_pair():
     rows = []
     for time, x in ((0.1, 2.1e-3), (0.2, 1.9e-3)):
         rows += [vortex(time, f, s * x, 0.17, s * 1e-2) for f, s in ((0, -1), (1, 1))]
-    assert pairs.pair_vortices(pd.DataFrame(rows))["time"].tolist() == [0.1]  # core radius 4 mm
+    assert pairs.pair_vortices(pd.DataFrame(rows), (0.0, 1.0))["time"].tolist() == [
+        0.1
+    ]  # core radius 4 mm
 
 
 def test_the_partner_is_the_mirror_image_not_the_strongest():
     rows = [vortex(0.1, 0, -0.02, 0.17, -1e-2), vortex(0.1, 1, 0.02, 0.17, 0.9e-2)]
     rows += [vortex(0.1, 1, 0.01, 0.20, -0.95e-2, track=5)]
-    table = pairs.pair_vortices(pd.DataFrame(rows))
+    table = pairs.pair_vortices(pd.DataFrame(rows), (0.0, 1.0))
     assert table["circulation_1"].item() == 0.9e-2
     assert table["circulation_0"].item() == -1e-2
 
 
+def test_a_pair_does_not_go_on_with_other_vortices():
+    """The dorsal pair ends at 0.2 s; one of the other sense, weaker and higher, lasts."""
+    rows = []
+    for time in (0.1, 0.2, 0.3):
+        for finger, side in ((0, -1), (1, 1)):
+            if time < 0.3:
+                rows.append(vortex(time, finger, side * 0.02, 0.17, side * 2e-2, finger))
+            rows.append(vortex(time, finger, side * 0.02, 0.22, -side * 1.2e-2, 2 + finger))
+    table = pairs.pair_vortices(pd.DataFrame(rows), (0.0, 0.25))
+    assert table["time"].tolist() == [0.1, 0.2]
+    assert (table["circulation_0"] < 0).all()
+
+
 def test_equal_senses_are_told():
     rows = [vortex(0.1, 0, -0.02, 0.17, 1e-2), vortex(0.1, 1, 0.02, 0.17, 1e-2)]
-    table = pairs.pair_vortices(pd.DataFrame(rows))
+    table = pairs.pair_vortices(pd.DataFrame(rows), (0.0, 1.0))
     assert pairs.senses(table) == "equal"
     assert table["imbalance"].item() == pytest.approx(2.0)
 

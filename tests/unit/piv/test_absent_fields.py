@@ -143,14 +143,14 @@ def test_a_replaced_picture_is_noticed_when_a_run_is_resumed(tmp_path, monkeypat
 
 
 def vortex_series(lost):
-    """A vortex that moves to the right, whose instants `lost` have no field."""
+    """A vortex that the flow carries to the right, whose instants `lost` have no field."""
     axis, times = 1e-3 * np.arange(-20, 21), 0.01 * np.arange(12)
     x, y = np.meshgrid(axis, axis)
     fields = []
     for t in times:
         r2 = (x - 0.2 * (t - 0.05)) ** 2 + y**2
         turn = 2e-3 / (2 * np.pi * r2.clip(1e-12)) * (1 - np.exp(-r2 / 4e-3**2))
-        fields.append((-turn * y, turn * (x - 0.2 * (t - 0.05))))
+        fields.append((0.2 - turn * y, turn * (x - 0.2 * (t - 0.05))))
     u, v = np.array(fields).transpose(1, 0, 2, 3)
     flag = np.zeros(u.shape, np.uint8)
     flag[lost] = NO_PICTURE

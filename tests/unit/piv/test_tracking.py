@@ -40,6 +40,29 @@ def test_a_gap_is_bridged_and_a_long_one_is_not():
     assert tracker.update(14.0, [at(4.2, 0)]) == [1]
 
 
+@pytest.mark.parametrize(
+    "other, fastest, same",
+    [
+        (at(0.6, 0), 1.0, True),
+        (at(1.3, 0), 0.2, False),  # the flow carries it by 0.2, its radius is 1
+        (at(0.1, 0, 0.3), 1.0, False),  # less than a third is left
+        (at(0.1, 0, 0.4), 1.0, True),
+        (at(0.1, 0, -1.0), 1.0, False),
+        (replace(at(0.1, 0, np.nan), at_edge=True), 1.0, False),
+    ],
+)
+def test_a_track_never_goes_on_with_another_vortex(other, fastest, same):
+    tracker = Tracker()
+    assert tracker.update(0.0, [at(0, 0)], fastest) == [0]
+    assert tracker.update(1.0, [other], fastest) == [0 if same else 1]
+
+
+def test_a_vortex_at_the_edge_is_followed_on_a_track_of_its_own():
+    tracker, gone = Tracker(), replace(at(0.1, 0, np.nan), at_edge=True, x_std=np.nan)
+    tracker.update(0.0, [at(0, 0)])
+    assert tracker.update(1.0, [gone]) == tracker.update(2.0, [replace(gone, x=0.2)]) == [1]
+
+
 def test_numbers_are_never_used_twice_and_time_must_ascend():
     tracker = Tracker()
     assert tracker.update(0.0, [at(0, 0), at(50, 0)]) == [0, 1]

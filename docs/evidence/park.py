@@ -1,0 +1,204 @@
+"""`make park`: runs the own fingers of tests/park/scenes.toml and writes docs/park.md.
+
+python -m docs.evidence.park [NAME ...] [--new SEED]  (none: all scenes; resumes what was made)
+"""
+
+import argparse
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from docs.evidence.park_checks import LIMITS, Outcome, checks
+from docs.evidence.park_draw import drawn
+from docs.evidence.small_scene import ROOT
+from pipeline.runs.estimate import estimate
+from pipeline.runs.run import Run
+from pipeline.runs.stages import FEA, STAGES
+from piv.files.atomic import write_text
+from piv.files.record import read_record
+from softfinger.make import Machine, make
+from softfinger.new_scene import PARENT, Own, lengths, write_scene
+from softfinger.options import open_moved
+
+TABLE = ROOT / "tests" / "park" / "scenes.toml"
+FOLDER = ROOT / "cases" / "single_finger" / "out" / "park"
+PAGE = ROOT / "docs" / "park.md"
+LEVEL = "smoke"
+_HEAD = """# Own fingers
+
+`make park` makes these scenes at level smoke from nothing but the arguments of `softfinger new`
+and some keys (`tests/park/scenes.toml`), coupled and prescribed, and checks what must hold of any
+scene. This page holds what it has made. Bold is what fails.
+
+The first force is that of 20 ms, or of 20 steps, against the inertia of the water by potential
+flow on the run's mesh. The circulation is compared at twelve instants with that of the vortices
+of the whole tank.
+"""
+_START, _STEP = 0.02, 0.005  # s of rest before a pressure rises, and between its rows
+
+
+def pressure(how: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and pressures (Pa) of a scene's entry `pressure`."""
+    levels, rise, hold = how["kpa"], how["rise"], how["hold"]
+    each = hold if how["kind"] == "sine" else rise + hold
+    count = round((_START + each * len(levels)) / _STEP)
+    time = _STEP * np.arange(count + 1)
+    value = np.zeros_like(time)
+    before = 0.0
+    for k, level in enumerate(levels):
+        since = time - _START - k * each
+        part = {
+            "ramp": np.clip(since / rise, 0, 1),
+            "valve": -np.expm1(-np.maximum(since, 0) / rise),
+            "sine": np.sin(2 * np.pi * np.maximum(since, 0) / rise),
+        }[how["kind"]]
+        value = np.where(since >= 0, before + (level - before) * part, value)
+        before = level
+    noise = np.random.default_rng(53).normal(0.0, 1.0, time.size) * how.get("noise", 0.0)
+    some = 1 if "noise" in how or rise < 1 else int(rise / 0.1)  # a slow one needs fewer rows
+    return time[::some], (1e3 * value + noise)[::some]
+
+
+def new(entry: dict[str, Any], folder: Path) -> None:
+    """Write the scene of an entry into a folder, as `softfinger new` does."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    table = folder.parent / f"{folder.name}.csv"
+    time, value = pressure(entry["pressure"])
+    pd.DataFrame({"t": time, "p": value.round(2)}).to_csv(table, index=False)
+    (long,), (wide,) = (lengths(entry[key], key, 1) for key in ("length", "width"))
+    x, y, z = lengths(entry["tank"], "tank", 3, "mm")
+    write_scene(folder, Own(long, wide, table, (x, y, z)), ROOT / entry.get("extends", PARENT))
+    path = folder / "scene.toml"
+    text = path.read_text(encoding="utf-8")
+    if curves := entry.get("curves"):
+        text = text.replace('source = "structure"', 'source = "fea"\nstates = "curves.csv"')
+        _arcs(folder / "curves.csv", long, curves)
+    write_text(path, f"{text}\n{entry.get('keys', '')}")
+
+
+def _arcs(path: Path, length: float, curves: dict[str, float]) -> None:
+    """Curves of a finger whose bend is proportional to the pressure, from none to the largest."""
+    s = np.linspace(0, length, 41)
+    rows = []
+    for kpa in np.linspace(-0.2, 1.2, 8) * curves["kpa"]:
+        turn = np.radians(curves["bend_deg"]) * kpa / curves["kpa"] * s / length
+        x, y = (np.r_[0, np.cumsum(0.5 * (f[1:] + f[:-1]) * np.diff(s))]
+                for f in (np.cos(turn), np.sin(turn)))  # fmt: skip
+        rows += [
+            {"pressure_kpa": kpa, "s": a, "x": b, "y": c} for a, b, c in zip(s, x, y, strict=True)
+        ]
+    pd.DataFrame(rows).to_csv(path, index=False, float_format="%.7g")
+
+
+def runs(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Run]]:
+    """The runs of a scene: coupled and prescribed, or one of them."""
+    if entry.get("coupled", True):
+        yield "coupled", open_moved(folder, LEVEL, True)
+    yield "prescribed", open_moved(folder, LEVEL, False)
+
+
+def made(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Outcome]]:
+    """Make what is missing of a scene, and what is found. What fails is an outcome, too."""
+    if not (folder / "scene.toml").exists():
+        new(entry, folder)
+    machine = Machine()
+    try:
+        if not entry.get("curves"):
+            analysis = open_moved(folder, LEVEL, None)
+            if not (folder / "kinematics" / "states.h5").exists():
+                from pipeline.structure.fea_stage import run as analyse
+
+                analyse(analysis.scene, quiet=True)
+    except (ValueError, RuntimeError, OSError) as error:
+        yield "analysis", Outcome({}, f"{error}")
+        return
+    for name, run in runs(entry, folder):
+        result = run.out / "park.json"
+        predicted = sum(
+            estimate(run, stage.name, recorded=False)[0] for stage in STAGES if stage is not FEA
+        )
+        try:
+            make(run, "report", machine, quiet=True)
+            values = _read(result, run) or checks(run)
+            write_text(result, json.dumps(values | {"digest": run.digest("report")}) + "\n")
+            records = [read_record(run.out, stage.name) for stage in STAGES]
+            spent = sum(record["cpu_time"] for record in records if record)
+            factor = max(spent / predicted, predicted / spent)
+            yield name, Outcome(values | {"cpu_s": spent, "cost": factor}, "")
+        except (ValueError, RuntimeError, OSError) as error:
+            yield name, Outcome({}, f"{error}")
+
+
+def _read(result: Path, run: Run) -> dict[str, Any]:
+    """What was found before of the same report; nothing of another."""
+    values = json.loads(result.read_text()) if result.exists() else {}
+    return (
+        {k: v for k, v in values.items() if k in LIMITS}
+        if (values.get("digest") == run.digest("report"))
+        else {}
+    )
+
+
+def page(entries: list[dict[str, Any]], folder: Path) -> str:
+    """The table of what has been made, as Markdown."""
+    heads = ["scene", "motion", *(f"{x.about} (≤ {x.most:g})" for x in LIMITS.values()), "CPU s"]
+    lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+    for entry in entries:
+        for name, outcome in _outcomes(folder / entry["name"]).items():
+            cells = [_cell(outcome, check) for check in LIMITS]
+            if outcome.ended:
+                cells = [f"no page: {outcome.ended}", *[""] * (len(LIMITS) - 1)]
+            spent = outcome.values.get("cpu_s")
+            row = [entry["name"], name, *cells, "" if spent is None else f"{spent:.0f}"]
+            lines.append(f"| {' | '.join(row)} |")
+    about = [f"- **{e['name']}**: {e['length']} × {e['width']}, {e['about']}." for e in entries]
+    return "\n".join([_HEAD, *about, "", *lines, ""])
+
+
+def _cell(outcome: Outcome, name: str) -> str:
+    value = outcome.values.get(name)
+    text = "–" if value is None else f"{value:.3g}"
+    return f"**{text}**" if name in outcome.failed() else text
+
+
+def _outcomes(folder: Path) -> dict[str, Outcome]:
+    path = folder / "outcomes.json"
+    found = json.loads(path.read_text()) if path.exists() else {}
+    return {name: Outcome(**entry) for name, entry in found.items()}
+
+
+def main() -> int:
+    """Run the scenes, print each outcome, write the page; 1 where a check fails."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="scenes of the table; none: all")
+    parser.add_argument("--new", type=int, help="seed: twelve further scenes, which the page omits")
+    options = parser.parse_args()
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))["scene"]
+    entries = table if options.new is None else drawn(options.new)
+    if unknown := {*options.names} - {entry["name"] for entry in entries}:
+        parser.error(f"{unknown.pop()} is no scene of the park")
+    failed = 0
+    for entry in entries:
+        if options.names and entry["name"] not in options.names:
+            continue
+        folder = FOLDER / entry["name"]
+        found: dict[str, Any] = {}
+        for name, outcome in made(entry, folder):
+            wrong = outcome.failed()
+            failed += bool(wrong)
+            more = f" ({outcome.ended})" if outcome.ended else ""
+            print(f"{entry['name']}, {name}: {', '.join(wrong) or 'passes'}{more}", flush=True)
+            found[name] = {"values": outcome.values, "ended": outcome.ended}
+        write_text(folder / "outcomes.json", json.dumps(found, indent=1) + "\n")
+    if options.new is None:
+        write_text(PAGE, page(table, FOLDER))
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,207 @@
+"""What must hold of any scene's run: the checks of docs/evidence/park.py."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from pipeline.case.interval_case import sides
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.formats.mesh_intervals import (
+    PER_FINGER,
+    IntervalMesh,
+    NodeMotion,
+    read_intervals,
+    read_planform,
+    read_sweep,
+)
+from pipeline.formats.records import COMPARISON, FORCES, RUN
+from pipeline.geometry.sweep import OUTER_PATCHES
+from pipeline.runs.run import Run
+from pipeline.structure.water_inertia import forces_of_water
+from piv.formats.plane_series import Planes, read_plane
+from piv.vortices.contour import round_contour
+from piv.vortices.find import find_vortices
+from piv.vortices.settings import VortexSettings
+from postprocess.evidence import tip_vortex as tracks
+from softfinger.sheets import make_sheet
+
+_PLANES = 12  # of the whole tank
+_INSET = 0.015  # m from the tank's walls: their layers lie within
+_SAME = 0.3  # radii: the same vortex in two views
+_EARLY = 0.02  # s of the first forces
+_FIRST_STEPS = 5  # of the solver, whose pressure is not settled yet
+# way of the tip over the thickness: beyond a sensor's noise, and before a vortex has a force
+_BEGUN, _YOUNG = 0.01, 0.05
+
+
+class Limit(NamedTuple):
+    """A check: its heading, and the largest number that passes."""
+
+    about: str
+    most: float
+
+
+LIMITS = {
+    "unexplained": Limit("power unexplained", 0.05),
+    "at_edge": Limit("instants at which the strongest vortex meets the edge", 0.0),
+    "changed_sign": Limit("tracks that change sign", 0.0),
+    "in_view": Limit("circulation in the view against the whole flow", 0.03),
+    "total": Limit("total circulation over the strongest vortex", 0.005),
+    "early_force": Limit("first force against added mass", 0.10),
+    "cost": Limit("cost, a factor from the prediction", 1.5),
+    "uncommon": Limit("difference of the instants of the cards", 0.0),
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run shows by the names of LIMITS, and why it ended without a page ("": it has one)."""
+
+    values: dict[str, Any]
+    ended: str
+
+    def failed(self) -> list[str]:
+        """Names of the checks that fail; of a run without a page that."""
+        if self.ended:
+            return ["page"]
+        return [
+            name
+            for name, limit in LIMITS.items()
+            if (value := self.values.get(name)) is not None and not value <= limit.most
+        ]
+
+
+def checks(run: Run) -> dict[str, float | None]:
+    """Each number of LIMITS but the cost; None where the scene has nothing to check."""
+    found: dict[str, Callable[[Run], Any]] = {
+        "unexplained": _unexplained,
+        "at_edge": _at_edge,
+        "changed_sign": _changed_sign,
+        "early_force": _early_force,
+        "uncommon": _uncommon,
+    }
+    return {name: measure(run) for name, measure in found.items()} | _whole_flow(run)
+
+
+def _unexplained(run: Run) -> float:
+    balance = RUN.read(run.out / "run" / "run.json")["power_balance"]
+    return abs(float(balance["unexplained_fraction"]))
+
+
+def _at_edge(run: Run) -> float:
+    """Instants at which the largest vortex of the flow, or of PIV, meets the edge of the plane."""
+    count = 0
+    for source in ("cfd", "piv"):
+        table = tracks.read_vortices(run.out / f"vortices_{source}.csv")
+        size = (table["peak_vorticity"] * table["radius"] ** 2).abs()
+        if len(table):
+            count += int(table.loc[size.groupby(table["time"]).idxmax(), "at_edge"].sum())
+    return float(count)
+
+
+def _changed_sign(run: Run) -> float:
+    count = 0
+    for source in ("cfd", "piv"):
+        table = tracks.read_vortices(run.out / f"vortices_{source}.csv")
+        signs = np.sign(table["peak_vorticity"]).groupby(table["track"]).nunique()
+        count += int((signs > 1).sum())
+    shown = pd.read_csv(run.out / "comparison.csv")
+    for name in ("circulation_cfd", "circulation_piv"):
+        if name in shown:
+            count += int(np.sign(shown[name].dropna()).nunique() > 1)
+    return float(count)
+
+
+def _uncommon(run: Run) -> float:
+    summary = COMPARISON.read(run.out / "comparison.json")["summary"]
+    counts = [summary[source]["instants"] for source in ("cfd", "piv") if source in summary]
+    return float(max(counts) - min(counts)) if counts else 0.0
+
+
+def _whole_flow(run: Run) -> dict[str, float | None]:
+    """The strongest vortex in the view against that of the whole tank, and the flow's sum."""
+    scene = run.scene
+    half, top = 0.5 * scene.tank.size[0], scene.tank.water_depth
+    path = run.out / "whole_tank.h5"
+    make_sheet(run, (-half, half, 0.0, top), path, quiet=True, most=_PLANES)
+    table = tracks.read_vortices(run.out / "vortices_cfd.csv")
+    settings = VortexSettings(**scene.vortices.model_dump(mode="json"))
+    box = np.array([[-half, 0.0], [half, 0.0], [half, top], [-half, top]])
+    inner = box + _INSET * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    errors, sums, largest = [0.0], [0.0], 0.0
+    with read_plane(path) as series:
+        for plane in map(Planes(series).__getitem__, range(series.sizes["time"])):
+            whole = [v for v in find_vortices(plane, settings) if not v.at_edge]
+            if not whole:
+                continue
+            sums.append(abs(round_contour(plane, inner).circulation))
+            one = max(whole, key=lambda v: abs(v.circulation_disc))
+            largest = max(largest, abs(one.circulation_disc))
+            now = table[(table["time"] - float(plane["time"])).abs() < 1e-6]
+            away = np.hypot(now["x"] - one.x, now["y"] - one.y)
+            seen = now[away < _SAME * one.radius]["circulation"]
+            known = float(seen.iloc[0]) if len(seen) else 0.0
+            if abs(one.circulation_disc) > 0.1 * largest:
+                errors.append(abs(known / one.circulation_disc - 1.0))
+    path.unlink()
+    worst = float(np.nanmax(errors))
+    return {"in_view": worst, "total": float(np.nanmax(sums)) / largest if largest else None}
+
+
+def _early_force(run: Run) -> float | None:
+    """RMS of the first force less that of the water's inertia, over the latter's."""
+    first, step = _first_mesh(run), run.scene.numerics.time_step
+    forces = FORCES.read(run.out / "run" / "forces.csv")
+    time = forces["time"].to_numpy()
+    time = time[time < first.interval.end - step]
+    wall = first.planform["wall"].values
+    moved = np.array([first.motion.nodes(t)[wall] for t in time])
+    way = np.linalg.norm(moved - moved[0], axis=-1).max(axis=1) / run.scene.finger.thickness
+    begins = float(time[np.argmax(way > _BEGUN)])
+    some = (time > _FIRST_STEPS * step) & (time <= begins + max(_EARLY, 20 * step)) & (way < _YOUNG)
+    if some.sum() < 3:
+        return None
+    at = time[some][:: max(1, int(some.sum()) // 10)]
+    wanted = np.array([_inertia(run, first, t, step) for t in at])
+    got = np.stack([np.interp(at, forces["time"], forces[n]) for n in ("fx", "fy")], axis=1)
+    return float(np.sqrt(((got - wanted) ** 2).sum() / (wanted**2).sum()))
+
+
+def _first_mesh(run: Run) -> IntervalMesh:
+    """The first mesh of a run with its motion."""
+    folder = run.scene.motion_folder
+    law = read_kinematics(folder / "kinematics.h5").law
+    interval = read_intervals(folder)[0]
+    planform = read_planform(folder, interval.mesh)
+    motion = NodeMotion.of(law, planform)
+    return IntervalMesh(interval, planform, read_sweep(run.out, interval.name), motion)
+
+
+def _acceleration(mesh: IntervalMesh, times: np.ndarray, step: float) -> np.ndarray:
+    """Accelerations (instant, node, 2) of a mesh's nodes, m/s²."""
+    motion = mesh.motion
+    return np.array(
+        [(motion.velocity(t + step) - motion.velocity(t - step)) / (2 * step) for t in times]
+    )
+
+
+def _inertia(run: Run, mesh: IntervalMesh, time: float, step: float) -> np.ndarray:
+    """Force (2,) N of the water that an accelerated finger moves, by potential flow."""
+    scene, file = run.scene, mesh.planform
+    walls = np.zeros((1, *file["points"].shape[1:]))
+    wall = file["wall"].values
+    walls[0, wall] = _acceleration(mesh, np.array([time]), step)[0, wall]
+    gaps = sides(file) == OUTER_PATCHES.index("gap")
+    _, force = forces_of_water(
+        file,
+        mesh.sweep,
+        mesh.motion.nodes(time),
+        walls,
+        gaps,
+        scene.fluid.density,
+        PER_FINGER[scene.model.kind],
+    )
+    return np.asarray(force[0].sum(axis=0))

@@ -1,0 +1,40 @@
+"""The park of own fingers: its table makes scenes, and what exceeds a limit fails."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from docs.evidence import park
+from docs.evidence.park_checks import LIMITS, Outcome
+from docs.evidence.park_draw import drawn
+from pipeline.scene.scene import load_scene
+
+TABLE = {e["name"]: e for e in tomllib.loads(park.TABLE.read_text(encoding="utf-8"))["scene"]}
+
+
+@pytest.mark.parametrize("name", ["pinch_45", "imported_30", "obstacle_70", "long_120"])
+def test_an_entry_is_a_scene(name, tmp_path):
+    entry, folder = TABLE[name], tmp_path / name
+    park.new(entry, folder)
+    scene = load_scene(folder, park.LEVEL)
+    time, pressure = park.pressure(entry["pressure"])
+    assert scene.motion.end_time >= time[-1]
+    # a sensor's noise is no more than 1 %
+    assert np.abs(pressure).max() == pytest.approx(1e3 * entry["pressure"]["kpa"][0], rel=0.02)
+    assert scene.coupled is entry.get("coupled", True)
+    assert (scene.pinch is not None) is ("pinch" in entry.get("extends", ""))
+    assert bool(scene.obstacle) is ("obstacle" in entry.get("keys", ""))
+
+
+def test_drawn_scenes_depend_on_their_seed_alone():
+    assert drawn(1) == drawn(1) != drawn(2)
+
+
+def test_what_exceeds_its_limit_fails():
+    good = {name: limit.most for name, limit in LIMITS.items()}
+    assert Outcome(good, "").failed() == []
+    for name in LIMITS:
+        assert Outcome(good | {name: 1.01 * good[name] + 1e-3}, "").failed() == [name]
+        assert Outcome(good | {name: float("nan")}, "").failed() == [name]
+    assert Outcome({}, "the mesh is bad").failed() == ["page"]
