@@ -47,9 +47,9 @@ def read_text(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
 
 def _numbers(path: Path, lines: list[str]) -> ndarray:
     """Rows of numbers (row, column), at least four columns."""
-    first = lines[0].strip() if lines else ""
-    decimal = re.search(r"\d,\d", first) and re.search(r"[\t; ]", first)
-    comma = "." if decimal and not re.search(r",\s", first) else " "
+    sample = "\n".join(line.strip() for line in lines[:1000])
+    decimal = re.search(r"[\t; ]", sample) and not re.search(r",\s", sample)
+    comma = "." if decimal else " "
     table = str.maketrans({",": comma, ";": " "})
     try:
         rows = np.loadtxt([ln.translate(table) for ln in lines if _ROW.match(ln)], ndmin=2)

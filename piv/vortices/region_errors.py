@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.special import ndtr
 
+from piv.vortices.field_noise import field_noise
 from piv.vortices.region_measures import (
     CIRCLE,
     DISC,
@@ -83,10 +84,15 @@ def of_vectors(
 ) -> tuple[Measures, float]:
     """Standard uncertainties of a region's measures, and of its excess, by replicas of the vectors.
 
-    The errors are alike over a window; 0 where the plane does not tell them.
+    The errors are alike over a window. Where the plane does not tell them the uncertainties are 0,
+    and that of the excess is by the noise of the field itself (`field_noise`).
     """
+    told = p.noise is not None
     if p.noise is None:
-        return Measures(*[0.0] * 6), 0.0
+        u_std, v_std, alike = field_noise(p.u, p.v)
+        stds = np.full(p.u.shape, u_std), np.full(p.u.shape, v_std)
+        p = p._replace(noise=stds, correlated=max(p.correlated, alike * max(p.step)))
+    assert p.noise is not None
     _, mask, free, box, level, strained, _ = patch
     rng = np.random.default_rng(1)
     errors = [
@@ -110,7 +116,8 @@ def of_vectors(
         return Measures(*[np.inf] * 6), np.inf
     turning = replicas._replace(omega=sense * replicas.omega)
     doubt = float(excess_of(turning, mask, abs(m.peak_vorticity) * strained).std(ddof=1))
-    return Measures(*(OF_REPLICAS * np.std(values, axis=0, ddof=1)).tolist()), doubt
+    stds = OF_REPLICAS * np.std(values, axis=0, ddof=1) if told else np.zeros(6)
+    return Measures(*stds.tolist()), doubt
 
 
 def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:

@@ -9,6 +9,7 @@ from scipy import ndimage
 from docs.evidence.shared_data import shared_data
 from piv.correlation.pair import correlate_pair
 from piv.formats.plane_series import make_plane
+from piv.vortices.field_noise import field_noise
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 
@@ -40,6 +41,24 @@ def test_no_vortex_in_parallel_shear(layer, noise):
     for seed in range(3):
         plane = sheared(layer, noise, seed)
         assert find_vortices(plane, correlation_length=36.0) == []
+
+
+@pytest.mark.parametrize("alike", [1, 3])
+def test_no_vortex_in_shear_whose_vectors_state_no_error(alike):
+    """Errors of single vectors, or alike over three; a vortex of thrice the shear stays."""
+    marks = 0
+    for seed in range(6):
+        rng = np.random.default_rng(1000 + seed)
+        errors = [ndimage.uniform_filter(rng.normal(size=X.shape), alike) for _ in "uv"]
+        assert field_noise(*(alike * 0.2 * e for e in errors))[2] == alike
+        plane = sheared("boundary layer", 0.0, seed).drop_vars(["u_std", "v_std"])
+        u, v = (plane[n] + alike * 0.2 * e for n, e in zip("uv", errors, strict=True))
+        marks += len(find_vortices(make_plane(X[0], Y[:, 0], u.values, v.values)))
+        swirl = lamb_oseen(X, Y, 250.0, 190.0, 3000.0, 40.0)
+        u, v = (f.values + s for f, s in zip((u, v), swirl, strict=True))
+        found = find_vortices(make_plane(X[0], Y[:, 0], u, v))
+        assert any(np.hypot(w.x - 250, w.y - 190) < 20 for w in found)
+    assert marks == 0
 
 
 @pytest.mark.parametrize("layer", LAYERS)
