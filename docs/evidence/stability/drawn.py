@@ -14,6 +14,7 @@ import numpy as np
 from docs.evidence.stability import solver
 from pipeline.formats.records import FORCES, RUN
 from pipeline.solve.guards import force_change
+from softfinger.study.outcome import outcome_is_there
 
 TABLE = Path("cases/single_finger/studies/drawn.csv")
 WRONG = 0.2  # of peak force or impulse
@@ -88,11 +89,9 @@ def _force(run: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
 
 
 def pairs(runs: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Each drawn run of a plan with its finer like."""
-    by_name = {run["run"]: run for run in runs}
-    return [
-        (run, by_name[f"{name}{_FINER}"]) for name, run in by_name.items() if _FINER not in name
-    ]
+    """Each drawn run of a plan with its finer like, where both have been made."""
+    made = {run["run"]: run for run in runs if outcome_is_there(run)}
+    return [(made[n], made[n + _FINER]) for n in made if n + _FINER in made]
 
 
 def main(level: str, seed: int, count: int) -> None:

@@ -1,0 +1,51 @@
+"""Drawn runs and their finer likes, and what counts as wrong without a warning."""
+
+import numpy as np
+import pytest
+
+from docs.evidence.stability import drawn
+from pipeline.formats.records import FORCES
+from softfinger.study.rows import read_study
+from tests.conftest import ROOT
+
+
+def test_each_drawn_run_has_its_like_at_half_the_step_and_finer_cells():
+    rows = read_study(ROOT / drawn.TABLE)
+    assert len(rows) == 80
+    for run, finer in zip(rows[::2], rows[1::2], strict=True):
+        assert finer.run == f"{run.run}_fine"
+        step, cell = "numerics.time_step", "mesh.wall_cell"
+        assert finer.overrides[step] == pytest.approx(run.overrides[step] / 2)
+        assert finer.overrides[cell] == pytest.approx(run.overrides[cell] / 1.5, rel=1e-3)
+        assert finer.overrides["motion.strokes"] == run.overrides["motion.strokes"]
+
+
+@pytest.mark.parametrize(
+    "factor, warning, ended",
+    [(1.1, "", "completed"), (1.3, "", "UNWARNED"), (1.3, "lower the step", "completed")],
+)
+def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
+    tmp_path, monkeypatch, factor, warning, ended
+):
+    time = np.arange(41) * 0.01
+    runs = []
+    for name, size in (("a", factor), ("a_fine", 1.0)):
+        folder = tmp_path / name / "run"
+        folder.mkdir(parents=True)
+        force = size * np.sin(np.pi * time / 0.4)
+        columns = {"time": time, "fx": force, "fy": 0 * force}
+        none = np.zeros(len(time))
+        FORCES.write(
+            folder / "forces.csv",
+            np.column_stack([columns.get(name, none) for name in FORCES.columns]),
+        )
+        runs.append({"run": name, "out": str(tmp_path / name), "overrides": {}})
+    balance = {"warning": warning, "unexplained_share": 0.01}
+    monkeypatch.setattr(drawn.solver, "result", lambda run: {"ended": "completed"})
+    monkeypatch.setattr(
+        drawn, "RUN", type("", (), {"read": lambda path: {"power_balance": balance}})
+    )
+    found = drawn.result(*runs)
+    assert found["ended"] == ended
+    assert found["error_peak"] == pytest.approx(factor - 1)
+    assert found["error_impulse"] == pytest.approx(factor - 1)
