@@ -9,13 +9,13 @@ missing beside the outline or lie within it, the fit may be off by many of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from pipeline.formats.kinematics import Kinematics
-from postprocess.lab.fit_outline import DELAY, GROWTH, LAW, SCALE, law_pressure
+from postprocess.lab.fit_outline import DELAY, GROWTH, LAW, REACH, SCALE, law_pressure
 from postprocess.lab.outline_profile import (
     EDGE,
     FAR,
@@ -39,6 +39,7 @@ UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a re
 BRIGHT = "it is brighter than the water, as by a reflection"
 GREEN, RED, ORANGE = np.array([[103, 194, 39], [66, 60, 235], [66, 140, 255]])  # BGR
 
+EDGE_OF_SHAPES = 0.97  # of REACH: a fit that would go on stays below it
 LARGEST = 1.8  # factor by which pressure and duration may differ, either way
 MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 JUMP = 6.0  # standard deviations of a jump: every instant is tried
@@ -66,7 +67,13 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     """Check a fit against its own pictures and what is `known`: the list of causes."""
     profile, motion = fit.profile, motion_causes(fit, kinematics, known)
     moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
-    parts = {} if moved else _wrong_parts(profile)
+    # no outline fits a finger that bends beyond the shapes: the pictures before it tell
+    seen = ~_beyond(fit.singles[0], kinematics)
+    parts = (
+        {}
+        if moved
+        else _wrong_parts(replace(profile, count=profile.count[seen], area=profile.area[seen]))
+    )
     # scale, root and clock of an outline that is not the finger's are its fault
     causes = [] if moved else outline_causes(fit, parts, known)
     if not causes:
@@ -76,6 +83,12 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     worst = int(np.argmax((profile.count[..., INSIDE] + missing).sum(axis=1)))
     wrong = np.isin(profile.part, list(parts))
     return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong)
+
+
+def _beyond(pressures: np.ndarray, kinematics: Kinematics) -> np.ndarray:
+    """Which of the pressures (n,) Pa lie where the table of shapes ends."""
+    reach = EDGE_OF_SHAPES * REACH * (kinematics.high - kinematics.low)
+    return (pressures > kinematics.high + reach) | (pressures < kinematics.low - reach)
 
 
 def _off(fit: Fit, at: int, stated: float, std: float) -> tuple[float, bool]:
@@ -123,6 +136,12 @@ def motion_causes(fit: Fit, kinematics: Kinematics, known: Known) -> list[str]:
     """A clock or a camera that the motion contradicts: the one that explains most, or none."""
     factor, _, stretch = fit.state[LAW]
     span = kinematics.high - kinematics.low
+    if _beyond(fit.law, kinematics).any():
+        return [
+            f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
+            " give the simulation the recording's pressure (motion.strokes in scene.toml), or"
+            " compare the motion that water bends further (COUPLED=1)"
+        ]
     if not 1 / LARGEST < stretch < LARGEST:
         return [
             f"the clock is wrong: the stroke of the pictures takes {stretch:.2g} times the"

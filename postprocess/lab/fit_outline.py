@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from pipeline.formats.kinematics import Kinematics, counter_clockwise
-from piv.files.errors import StageError
 from postprocess.lab.pose import Pose
 from postprocess.lab.silhouette import (
     FINE_PX,
@@ -200,8 +199,7 @@ def fit_outline(
     """Samples (sample, 8) of the posterior of pose and law, begun at `first` within `begin` (8,).
 
     `prior`: mean and standard deviation (8,; inf: none). `apart` (frame,) Pa: standard deviation
-    of a frame from the law. `sweeps`: at each heat, and those that are kept. StageError where the
-    recording's finger bends further than the simulation's shapes reach.
+    of a frame from the law. `sweeps`: at each heat, and those that are kept.
     """
     rng, off = np.random.default_rng(seed), apart / shapes.step
     states = first + begin * rng.standard_normal((2 * HALF, SIZE))
@@ -234,15 +232,7 @@ def fit_outline(
         sweep(1.0)
         if k >= sweeps[1] // 2:
             kept.append(states.copy())
-    samples = np.concatenate(kept)
-    middle = shapes.places(frames.times, samples.mean(axis=0)[None, LAW])
-    if middle.min() < 1 or middle.max() > TABLE - 2:
-        raise StageError(
-            f"the recording's finger bends further than the simulation's by more than {REACH:.0%};"
-            " give the simulation the recording's pressure (motion.strokes in scene.toml), or"
-            " compare the motion that water bends further (COUPLED=1)"
-        )
-    return samples
+    return np.concatenate(kept)
 
 
 def _next_heat(evidence: np.ndarray, heat: float) -> tuple[float, np.ndarray]:

@@ -190,6 +190,22 @@ def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
 
 
 @pytest.mark.parametrize(
+    "holder, cause",
+    [(0.0, "the recording's finger bends further"), (0.008, "the finger's outline")],
+)
+def test_a_fit_at_the_end_of_the_shapes_is_blamed_on_what_earlier_pictures_show(
+    kinematics, holder, cause
+):
+    """A hidden root can draw a fit that far as well."""
+    _, true = poses(kinematics)
+    pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time))
+    film = Rendered(kinematics, true, pressures, SHAPE, Faults(holder=holder))
+    fit = at(kinematics, true, images=[film.frame(k) for k in range(PICTURES)])
+    check = check_fit(replace(fit, law=1.16 * fit.law), kinematics, Known(true, scale_std=0.01))
+    assert check.refusals[0].startswith(cause)
+
+
+@pytest.mark.parametrize(
     "change, message",
     [
         ({"angle": np.radians(-6.0)}, "hangs -6.0° from how axes.turn_deg states it; write"),
