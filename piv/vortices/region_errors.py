@@ -90,8 +90,8 @@ def of_vectors(
     told = p.noise is not None
     if p.noise is None:
         u_std, v_std, alike = field_noise(p.u, p.v)
-        stds = np.full(p.u.shape, u_std), np.full(p.u.shape, v_std)
-        p = p._replace(noise=stds, correlated=max(p.correlated, alike * max(p.step)))
+        noise = np.full(p.u.shape, u_std), np.full(p.u.shape, v_std)
+        p = p._replace(noise=noise, correlated=max(p.correlated, alike * max(p.step)))
     assert p.noise is not None
     _, mask, free, box, level, strained, _ = patch
     rng = np.random.default_rng(1)
