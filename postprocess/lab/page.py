@@ -225,7 +225,7 @@ def answer(result: dict[str, Any]) -> str:
     if flow and lacks:
         parts.append(
             f"Not in u_val, because not made or measured: {', '.join(lacks)}; differences are"
-            " judged too strictly."
+            " judged too strictly, and larger errors than those named could hide."
         )
     return " ".join(part for part in parts if part)
 
