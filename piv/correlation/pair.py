@@ -46,6 +46,9 @@ _VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at 
 # of the vectors that are not masked, uncertain ones counted half: with fewer, other ways are tried
 _ENOUGH = 0.5
 _CHANCE = 0.2  # with fewer, an uncertain vector may be anything
+# where uncertain vectors outnumber valid ones, another way is better that has so much more of them:
+# light at rest makes vectors uncertain whose errors are large, turbulence such as stay so
+_BETTER = 0.3
 
 
 @with_options
@@ -195,13 +198,18 @@ def _best_way(
     """Correlate, and where too little of the pictures is explained, try other ways in turn.
 
     Ways: without what stands still in the pair (the lesser of both grey values), a smaller and a
-    larger search. Attribute `retried` names the way that was taken. Uncertain vectors are rejected
-    where no way explains enough, and the first hardly anything. A larger window is no way: where it
-    holds few particles, too, one valid vector in twenty was wrong.
+    larger search. Attribute `retried` names the way that was taken. They are tried, too, where more
+    vectors are uncertain than valid. Uncertain vectors are rejected where no way explains enough,
+    and the first hardly anything. A larger window is no way: where it holds few particles, too, one
+    valid vector in twenty was wrong.
     """
     field = correlate(a, b, options)
+    valid, unsure = _share(field, VALID, SECOND_PEAK), _share(field, UNCERTAIN)
+    least = 0.0
     if _explained(field) >= _ENOUGH:
-        return field
+        if unsure <= valid:
+            return field
+        least = valid + _BETTER
     still = np.minimum(np.asarray(a, np.float32), np.asarray(b, np.float32))
     ways: dict[str, tuple[Any, Any, Options]] = {
         "background from the pair": (a - still, b - still, options),
@@ -214,7 +222,7 @@ def _best_way(
             other = correlate(*way)
         except ValueError:  # nothing moves in the pair
             continue
-        if _explained(other) >= _ENOUGH:
+        if _explained(other) >= _ENOUGH and _share(other, VALID, SECOND_PEAK) >= least:
             return other.assign_attrs(retried=name)
     if _explained(field) < _CHANCE:
         field = _without_uncertain(field)
@@ -223,9 +231,12 @@ def _best_way(
 
 def _explained(field: xr.Dataset) -> float:
     """Share of valid vectors among those that are not masked; uncertain ones count half."""
+    return _share(field, VALID, SECOND_PEAK) + 0.5 * _share(field, UNCERTAIN)
+
+
+def _share(field: xr.Dataset, *flags: int) -> float:
     flag = field["flag"].values
-    good = np.isin(flag, (VALID, SECOND_PEAK)).sum() + 0.5 * (flag == UNCERTAIN).sum()
-    return float(good / max((flag != MASKED).sum(), 1))
+    return float(np.isin(flag, flags).sum() / max((flag != MASKED).sum(), 1))
 
 
 def _without_uncertain(field: xr.Dataset) -> xr.Dataset:
