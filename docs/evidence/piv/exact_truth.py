@@ -40,6 +40,15 @@ def ours(folder: Path, truth: xr.Dataset, pairing: str) -> xr.Dataset:
     return vectors
 
 
+def regular(plane: xr.Dataset) -> xr.Dataset:
+    """Interpolate vectors whose axes are not evenly spaced, as fluidimage's, to even ones."""
+    axes = {n: plane[n].values for n in "xy"}
+    steps = {n: np.median(np.diff(axis)) for n, axis in axes.items()}
+    even = {n: np.arange(axis[0], axis[-1] + 1e-6, steps[n]) for n, axis in axes.items()}
+    alike = all(even[n].shape == axes[n].shape and np.allclose(even[n], axes[n]) for n in "xy")
+    return plane if alike else plane.interp(even)
+
+
 def table_of(folder: Path) -> pd.DataFrame:
     """A row of each program, a column of each measure."""
     with read_plane(folder / "truth.nc") as truth:
@@ -58,7 +67,8 @@ def table_of(folder: Path) -> pd.DataFrame:
     rows = {OURS: score(ours(folder, truth, "1-2,2-3" if film else "1-2,3-4"), truth)}
     pixel = truth.attrs["scale_mm_per_px"] * 1e-3
     speed = pixel / truth.attrs["interval"]
-    for name, planes in series.items():
+    for name, several in series.items():
+        planes = [regular(plane) for plane in several]
         u, v = (speed * np.stack([p[n].values for p in planes]) for n in "uv")
         x, y = (pixel * planes[0][n].values for n in "xy")
         rows[name] = score(make_plane(x, y, u, v, time=truth["time"].values), truth)
