@@ -5,9 +5,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from docs.evidence import park
-from docs.evidence.park_checks import LIMITS, Outcome
-from docs.evidence.park_draw import drawn
+from docs.evidence.park import table as park
+from docs.evidence.park.checks import LIMITS, Outcome
+from docs.evidence.park.draw import drawn
 from pipeline.scene.scene import load_scene
 
 TABLE = {e["name"]: e for e in tomllib.loads(park.TABLE.read_text(encoding="utf-8"))["scene"]}

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from docs.evidence.park_checks import LIMITS, Outcome, checks
-from docs.evidence.park_draw import drawn
+from docs.evidence.park.checks import LIMITS, Outcome, checks
+from docs.evidence.park.draw import drawn
 from docs.evidence.small_scene import ROOT
 from pipeline.runs.estimate import estimate
 from pipeline.runs.run import Run
@@ -198,7 +198,3 @@ def main() -> int:
     if options.new is None:
         write_text(PAGE, page(table, FOLDER))
     return int(failed > 0)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,4 +1,4 @@
-"""What must hold of any scene's run: the checks of docs/evidence/park.py."""
+"""What must hold of any scene's run: the checks of docs/evidence/park/table.py."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
