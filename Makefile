@@ -99,6 +99,7 @@ bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmark
 evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night)
 	@$(PY) -m docs.evidence.costs
 	@$(MAKE) tradeoff SCENE=single_finger
+	@$(PY) -m docs.evidence.predictability
 	@$(MAKE) validate
 	@$(RUN) study cases/single_finger/studies/stability.csv
 	@$(RUN) study cases/single_finger/studies/drawn.csv

@@ -29,6 +29,7 @@ OTHERS = {
     "bench-piv": None,
     "faults": None,
     "laboratory, 40 seeds of 61 s (2026-11-27)": 0.7,
+    "predictability": 0.5,
     "docs": 1.0,
 }
 
