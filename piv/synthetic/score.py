@@ -148,7 +148,8 @@ def _found(series: xr.Dataset, wall: xr.Dataset, scale: float) -> list[list[Vort
         series.isel(time=k).assign(wall.isel(time=k, missing_dims="ignore").data_vars)
         for k in range(series.sizes["time"])
     ]
-    return [find_vortices(p, scale=scale) if p["valid"].values.any() else [] for p in planes]
+    found = [find_vortices(p, scale=scale) if p["valid"].values.any() else [] for p in planes]
+    return [[v for v in now if not v.at_edge] for now in found]
 
 
 def _vortices(exact: list[list[Vortex]], found: list[list[Vortex]]) -> dict[str, float]:
