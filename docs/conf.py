@@ -16,6 +16,7 @@ version = release = __version__
 extensions = ["myst_parser", "autoapi.extension", "sphinx.ext.napoleon"]
 napoleon_google_docstring = False
 myst_heading_anchors = 4
+exclude_patterns = ["evidence"]  # of its benchmark, the page that goes with the recordings
 highlight_language = "none"
 suppress_warnings = [
     "autoapi.python_import_resolution",  # of names that a module sets several at once

@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from piv.files import __version__
 from piv.files.command import guarded, importing, working
 from piv.files.errors import StageError
+from softfinger.identify import identify
 from softfinger.options import (
     CORES,
     DEFAULT_RANKS,
@@ -38,6 +39,7 @@ app = App(
     "softfinger", help=__doc__, version=__version__, default_parameter=Parameter(show_env_var=False)
 )
 app.command(figures)
+app.command(identify)
 app.command(view)
 app.command(study)
 app.command(plot)

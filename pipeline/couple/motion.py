@@ -53,11 +53,9 @@ class CoupledMotion:
             self._film = _film_impulse(self.finger, scene.motion.end_time)
         self.quality: list[tuple] = []  # rows of MESH_QUALITY
         self.inertia_turn: float | None = None  # bend (rad) in which the water's inertia is known
-        start = self.finger.shapes(
-            np.arange(3.0), pressure[[0, 0, 0]], self.history.delta[[0, 0, 0]]
-        )
-        motion = scene.motion.model_copy(update={"end_time": 2.0})
-        self._motion = finger_motion(motion, scene.finger, None, scene.folder, start)
+        times = np.linspace(0.0, scene.motion.end_time, 3)
+        start = self.finger.shapes(times, pressure[[0, 0, 0]], self.history.delta[[0, 0, 0]])
+        self._motion = finger_motion(scene.motion, scene.finger, None, scene.folder, start)
 
     def outline(self, pressure: float, delta: FloatArray) -> FloatArray:
         """Closed outline (point, 2) m in the tank at a pressure (Pa) and rotations (slice,)."""

@@ -15,7 +15,7 @@ ORDER = (
     "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "sprung_cylinder",
     "cantilever_plate", "plate_impulsive",
     "plate_medium_layer", "plate_thin_layer", "plate_accelerating",
-    "deforming_mesh", "finger_2d", "finger",
+    "deforming_mesh", "finger_2d", "finger", "ringdown",
 )  # fmt: skip
 
 

@@ -51,3 +51,15 @@ def test_the_water_of_the_plane_level_is_that_of_the_finger(tmp_path, width):
     plane, space = found
     assert plane == pytest.approx(space, rel=0.25)
     assert copies(load_scene(CASES / "single_finger", "smoke")) < 0.5
+
+
+def test_a_pressure_with_a_row_a_second_moves_a_coupled_finger(tmp_path):
+    """Shapes of its own 2 s read the table again, of which two rows lay before them."""
+    rows = "".join(f"{second},{1e3 * min(second, 20)}\n" for second in range(23))
+    (tmp_path / "slow.csv").write_text(f"t,p\n{rows}")
+    slow = {"pressure_csv": str(tmp_path / "slow.csv"), "strokes": [], "end_time": 22.0}
+    keys = {f"motion.{key}": value for key, value in slow.items()}
+    keys |= {"motion.source": "structure", "numerics.time_step": 0.02}
+    keys |= {"sheet.rate_hz": 50.0, "camera.frame_rate_hz": 50.0}
+    scene = load_scene(CASES / "single_finger", "smoke", keys, tmp_path / "out")
+    assert CoupledMotion(scene).last == 1100

@@ -1,0 +1,200 @@
+"""The chain in modelled water, or in air, as the model of a film: outlines by parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.formats.bending_states import BendingStates, read
+from pipeline.scene.scene import Scene
+from pipeline.structure.finger import ElasticFinger
+from pipeline.structure.motion import motion
+from piv.files.errors import StageError
+from piv.formats.user_tables import read_history
+from postprocess.lab.pose import Pose
+from softfinger.twin.film import Film
+from softfinger.twin.fit import FloatArray, Parameter
+
+STIFF, LOADS, LOSS, MASS, DRAG = (
+    "stiffness against pressure", "stiffness against loads over it", "loss factor",
+    "added mass of the water", "drag of the water",
+)  # fmt: skip
+SCALE, ROOT_X, ROOT_Y, TURN, GROWTH = "scale", "root x", "root y", "turn", "growth of the outline"
+START = "start of {}"  # a film's first picture on the pressure's clock
+_STEPS = 60  # of the first vibration
+_MOST_STEPS = 1500
+_UNSEEN = 0.1  # of the length, from the root on: the holder may hide it
+_EVERY = 3  # of the profile's points
+_TIP = (0.25, 0.5, 0.75)  # of the thickness: points of the tip's end
+_BESIDE = 4  # points from the tip's middle to those of the sides that place it
+# standard deviations of the priors; of the root in m
+PRIORS = {STIFF: 0.25, LOADS: 0.1, LOSS: 0.5, MASS: 0.15, DRAG: 0.25, SCALE: 0.02}
+ROOT_STD, TURN_STD, GROWTH_STD, START_STD = 1.5e-3, np.radians(1.5), 1.0, 0.02
+
+
+def scaled(states: BendingStates, stiff: float, loads: float) -> BendingStates:
+    """Bending states of a rubber that is `stiff` times as stiff, against loads `loads` times that.
+
+    Exact for one modulus: a shape at the pressure P then needs the pressure `stiff` P.
+    """
+    if states.law is None:
+        raise StageError("the bending states hold no law under loads: analyse them with under_load")
+    moment = stiff * loads
+    law = replace(
+        states.law, stiffness=moment * states.law.stiffness, moment=moment * states.law.moment
+    )
+    return replace(states, pressure=stiff * states.pressure, law=law)
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A film and the pressure log of its stroke."""
+
+    film: Film
+    pressure: Path
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A scene's finger as the film's model. `pose`: stated; `air`: filmed in air."""
+
+    scene: Scene
+    pose: Pose
+    air: bool = False
+
+    @cached_property
+    def states(self) -> BendingStates:
+        """Those of the scene."""
+        return read(self.scene.folder / str(self.scene.motion.states))
+
+    @cached_property
+    def _runs(self) -> dict[tuple, tuple[FloatArray, FloatArray]]:
+        return {}
+
+    def parameters(self, names: list[str]) -> list[Parameter]:
+        """The parameters of films by their names, with priors."""
+        nuisance = [] if self.air else [MASS, DRAG]
+        ratios = [STIFF, LOADS, *nuisance, SCALE]
+        loss = self.scene.structure.loss_factor
+        return [
+            *(Parameter(name, 1.0, PRIORS[name], "", ratio=True) for name in ratios),
+            Parameter(LOSS, loss, PRIORS[LOSS], "", ratio=True),
+            Parameter(ROOT_X, 0.0, ROOT_STD / self.pose.pixel, "px"),
+            Parameter(ROOT_Y, 0.0, ROOT_STD / self.pose.pixel, "px"),
+            Parameter(TURN, 0.0, TURN_STD, "rad"),
+            Parameter(GROWTH, 0.0, GROWTH_STD, "px"),
+            *(Parameter(START.format(name), 0.0, START_STD, "s") for name in names),
+        ]
+
+    def at_rest(self) -> FloatArray:
+        """The finger's outline (point, 2) m in the tank, without pressure and loads."""
+        finger = ElasticFinger.of(self.scene, self.states)
+        none = np.zeros((1, finger.chain.slices))
+        return np.asarray(self._outlines(finger, np.zeros(1), none)[0])
+
+    def run(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
+        """Times (s) on the pressure's clock and outlines (time, point, 2) m; StageError."""
+        key = (pressure, *(round(values.get(n, 1.0), 12) for n in (STIFF, LOADS, LOSS, MASS, DRAG)))
+        if key not in self._runs:
+            self._runs[key] = self._computed(values, pressure)
+        return self._runs[key]
+
+    def _computed(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
+        end = float(np.ptp(read_history(pressure, "pressure", least=2)[0]))
+        moved = {"strokes": (), "pressure_csv": str(pressure.resolve()), "end_time": end}
+        damped = self.scene.structure.model_copy(update={"loss_factor": values[LOSS]})
+        moved_scene = self.scene.model_copy(
+            update={"motion": self.scene.motion.model_copy(update=moved), "structure": damped}
+        )
+        states = scaled(self.states, values[STIFF], values[LOADS])
+        finger = ElasticFinger.of(moved_scene, states)
+        around = finger.air if self.air else finger.model
+        around = replace(
+            around,
+            added_mass=around.added_mass * values.get(MASS, 1.0),
+            drag=around.drag * values.get(DRAG, 1.0),
+        )
+        step = max(finger.period / _STEPS, end / _MOST_STEPS)
+        time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
+        chambers, none = finger.chambers(time), np.zeros((len(time), finger.chain.slices, 3))
+        beyond = max(states.pressure[0] - chambers.min(), chambers.max() - states.pressure[-1])
+        if beyond > 0.01 * np.ptp(states.pressure):
+            raise StageError(
+                f"{pressure}: a rubber {values[STIFF]:.2f} times as stiff needs bending states to"
+                f" {chambers.max() / values[STIFF] / 1e3:.3g} kPa; analyse more pressures ([fea])"
+            )
+        turned = motion(finger.chain, chambers, float(time[1]), around, none, most=np.inf)
+        return time, self._outlines(finger, chambers, turned)
+
+    def _outlines(
+        self, finger: ElasticFinger, chambers: FloatArray, turned: FloatArray
+    ) -> FloatArray:
+        """Points (time, point, 2) m along the ventral side, around the tip and back."""
+        line = finger.chain.profile(chambers, turned) @ [1, 1j]
+        thick = finger.chain.thickness(chambers)
+        along = np.gradient(line, axis=1)
+        dorsal = line - 1j * thick * along / np.abs(along)
+        first = int(_UNSEEN * line.shape[1])
+        tip = np.stack([(1 - w) * line[:, -1] + w * dorsal[:, -1] for w in _TIP], axis=1)
+        sides = line[:, first::_EVERY], tip, dorsal[:, first::_EVERY][:, ::-1]
+        points = np.concatenate(sides, axis=1)
+        edge = -0.5j * finger.chain.thickness(np.zeros(1))[0, 0]
+        local = np.stack([(points - edge).real, (points - edge).imag], axis=-1)
+        return np.asarray(local @ finger.frame + finger.root)
+
+    def pose_of(self, values: dict[str, float]) -> Pose:
+        """The camera's pose by its parameters."""
+        return replace(
+            self.pose,
+            scale_mm_per_px=self.pose.scale_mm_per_px * values[SCALE],
+            angle=self.pose.angle + values[TURN],
+            at_px=(self.pose.at_px[0] + values[ROOT_X], self.pose.at_px[1] + values[ROOT_Y]),
+        )
+
+    def posed(self, values: dict[str, float], outlines: FloatArray) -> FloatArray:
+        """Outlines (time, point, 2) m in the pictures, px with y up, as the camera sees them."""
+        seen = self.pose_of(values).to_px(outlines)
+        along = np.gradient(seen, axis=1)
+        outward = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+        outward /= np.maximum(np.hypot(*np.moveaxis(outward, -1, 0)), 1e-9)[..., None]
+        side = np.sign(np.sum(outward[:, 0] * (seen[:, 0] - seen[:, -1]), axis=-1))[:, None, None]
+        return np.asarray(seen + values[GROWTH] * side * outward)
+
+    def at_pictures(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
+        """Outlines (frame, point, 2) m at the film's pictures."""
+        time, outlines = self.run(values, stroke.pressure)
+        at = np.clip(stroke.film.times + values[START.format(stroke.film.name)], time[0], time[-1])
+        k = np.clip(np.searchsorted(time, at) - 1, 0, len(time) - 2)
+        w = ((at - time[k]) / (time[k + 1] - time[k]))[:, None, None]
+        return np.asarray((1 - w) * outlines[k] + w * outlines[k + 1])
+
+    def seen(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
+        """Outlines (frame, point, 2) px at the film's pictures."""
+        return self.posed(values, self.at_pictures(values, stroke))
+
+    def residuals(self, values: dict[str, float], strokes: list[Stroke]) -> list[FloatArray]:
+        """Of each film the distances (frame, point) px of the predicted from the seen outline."""
+        return [stroke.film.at(self.seen(values, stroke)) for stroke in strokes]
+
+    def seen_tips(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
+        """Tip (frame, 2) px that each picture shows: the predicted one, moved to the silhouette.
+
+        To first order, by the distances of the silhouette from the end and from both sides there.
+        """
+        outlines = self.seen(values, stroke)
+        off = stroke.film.at(outlines)[..., None]
+        middle = outlines.shape[1] // 2
+        one, other = middle - _BESIDE, middle + _BESIDE  # on the ventral and on the dorsal side
+        along = outlines[:, middle] - 0.5 * (outlines[:, one] + outlines[:, other])
+        across = outlines[:, one] - outlines[:, other]
+        along, across = (a / np.hypot(*a.T)[:, None] for a in (along, across))
+        short, aside = off[:, middle - 1 : middle + 2].mean(axis=1), off[:, one] - off[:, other]
+        return np.asarray(outlines[:, middle] - short * along - 0.5 * aside * across)
+
+
+def tip_of(outlines: FloatArray) -> FloatArray:
+    """The middle of the tip's end (…, 2) of outlines (…, point, 2)."""
+    return np.asarray(outlines[..., outlines.shape[-2] // 2, :])
