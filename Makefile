@@ -101,13 +101,11 @@ evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night
 	@$(MAKE) tradeoff SCENE=single_finger
 	@$(PY) -m docs.evidence.predictability
 	@$(MAKE) validate
-	@$(RUN) study cases/single_finger/studies/stability.csv
-	@$(RUN) study cases/single_finger/studies/drawn.csv
-	@$(RUN) study cases/pinch/studies/stability.csv
+	@for study in stability drawn coupling; do \
+	    $(RUN) study cases/single_finger/studies/$$study.csv || exit 1; done
+	@for study in stability variations contact; do \
+	    $(RUN) study cases/pinch/studies/$$study.csv || exit 1; done
 	@$(PY) -m docs.evidence.stability
-	@$(RUN) study cases/single_finger/studies/coupling.csv
-	@$(RUN) study cases/pinch/studies/variations.csv
-	@$(RUN) study cases/pinch/studies/contact.csv
 	@$(PY) -m docs.evidence.pinch
 	@$(PY) -m docs.evidence.ranks
 	@$(PY) -m docs.evidence.laboratory 241 280

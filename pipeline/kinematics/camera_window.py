@@ -95,8 +95,8 @@ def following(scene: Scene) -> dict[str, Any]:
     sharp = finger.thickness / (_WINDOWS * scene.piv.window)
     if stated & {"columns", "rows"}:
         if "scale_mm_per_px" not in stated:
-            fits = [float((np.ptp(box, axis=0) / pixels).max()) for box in (whole, near)]
-            scale = 1e-3 * _rounded_up(1e3 * min(fits[0], max(fits[1], sharp)))
+            most, least = (float((np.ptp(box, axis=0) / pixels).max()) for box in (whole, near))
+            scale = 1e-3 * _rounded_up(1e3 * min(most, max(least, sharp)))
         shown = whole
     else:
         if "scale_mm_per_px" not in stated:
@@ -107,8 +107,10 @@ def following(scene: Scene) -> dict[str, Any]:
         sides *= min(1.0, (_MOST_PIXELS / sides.prod()) ** 0.5)
         pixels = (_SIDE * np.ceil(sides / _SIDE)).astype(int)
     size = scale * pixels
-    low, high = np.where(size >= np.ptp(near, axis=0) - 1e-9, near, tips)
-    middle = np.clip(shown.mean(0), high - 0.5 * size, low + 0.5 * size)
+    fits = size >= np.ptp(near, axis=0) - 1e-9
+    low, high = np.where(fits, near, tips)
+    middle = np.where(fits, shown.mean(0), near.mean(0))  # else the tip would lie at the edge
+    middle = np.clip(middle, high - 0.5 * size, low + 0.5 * size)
     length = finger.length + finger.tip.length
     values: dict[str, Any] = {
         "camera.scale_mm_per_px": round(1e3 * scale, 6),

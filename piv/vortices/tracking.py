@@ -20,7 +20,7 @@ class TrackingSettings:
     agility: Annotated[float, "standard deviation of the velocity change per frame, radii"] = 0.2
     scatter: Annotated[float, "scatter of a position beside its standard error, radii"] = 0.1
     gate: Annotated[float, "largest Mahalanobis distance between prediction and detection"] = 4.0
-    max_step: Annotated[float, "largest distance between prediction and detection, radii"] = 1.5
+    max_step: Annotated[float, "largest distance of a detection from the prediction or the last one, radii"] = 1.5
     circulation_change: Annotated[
         float, "relative change of circulation that costs as much as one standard deviation"
     ] = 0.5
@@ -153,7 +153,8 @@ def _cost(
     d = np.array([vortex.x, vortex.y]) - state[:2]
     far = s.max_step * max(old.radius, vortex.radius) * (1 + track.missed + track.skipped)
     squared = float(d @ np.linalg.solve(p[:2, :2] + noise, d))
-    if np.hypot(*d) > far or squared > s.gate**2:
+    step = min(np.hypot(*d), np.hypot(vortex.x - old.x, vortex.y - old.y))  # predictions may lag
+    if step > far or squared > s.gate**2:
         return 1e9
     if vortex.at_edge:
         return squared
