@@ -20,7 +20,9 @@ class TrackingSettings:
     agility: Annotated[float, "standard deviation of the velocity change per frame, radii"] = 0.2
     scatter: Annotated[float, "scatter of a position beside its standard error, radii"] = 0.1
     gate: Annotated[float, "largest Mahalanobis distance between prediction and detection"] = 4.0
-    max_step: Annotated[float, "largest distance of a detection from the prediction or the last one, radii"] = 1.5
+    max_step: Annotated[
+        float, "largest distance of a detection from the prediction or the last one, radii"
+    ] = 1.5
     circulation_change: Annotated[
         float, "relative change of circulation that costs as much as one standard deviation"
     ] = 0.5
