@@ -16,12 +16,25 @@ from pipeline.kinematics.finger import FingerMotion, finger_motion
 from pipeline.runs.run import Run
 from pipeline.scene.scene import Scene
 
-__all__ = ["CASES", "ROOT", "TINY", "meshes_of", "motion_of", "prepare", "run_stage", "write_scene"]
+__all__ = [
+    "CASES", "CLOSING", "ROOT", "TINY", "meshes_of", "motion_of", "prepare", "run_stage",
+    "write_scene",
+]  # fmt: skip
 
 # the shipped scenes without results: no test reads or changes those in the user's tree
 CASES = Path(tempfile.mkdtemp(prefix="softfinger_cases_"))
 shutil.copytree(ROOT / "cases", CASES, ignore=shutil.ignore_patterns("out"), dirs_exist_ok=True)
 atexit.register(shutil.rmtree, CASES, ignore_errors=True)
+
+# keys of a coupled pinch whose tips meet
+CLOSING = """
+[pinch]
+half_distance = 0.034
+[motion]
+strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.15 }]
+end_time = 0.2
+source = "structure"
+"""
 
 os.environ.pop("TYPED", None)  # the values of the make that runs the tests are not theirs
 

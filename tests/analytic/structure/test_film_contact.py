@@ -8,16 +8,7 @@ from pipeline.kinematics.contact import gap
 from pipeline.scene.scene import load_scene
 from pipeline.structure.coupling import Coupling
 from pipeline.structure.energy import energies, open_share
-from tests.conftest import write_scene
-
-CLOSING = """
-[pinch]
-half_distance = 0.034
-[motion]
-strokes = [{ pressure_kpa = 20.0, start = 0.002, duration = 0.15 }]
-end_time = 0.18
-source = "structure"
-"""
+from tests.conftest import CLOSING, write_scene
 
 
 def closed(folder, step):

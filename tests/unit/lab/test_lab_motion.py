@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from pipeline.formats.kinematics import SHAPE
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import VortexSettings
-from postprocess.lab.flow import run_sources
+from postprocess.lab.flow import corrected, run_sources
 from postprocess.lab.inputs import Input
 from postprocess.lab.motion import (
     Comparison,
@@ -118,6 +118,13 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert names == ["pressure", "geometry and material", "duration"]
     std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
     assert set(std) == {"pressure as recorded", "duration as recorded"}
+    # the recording's flow is stronger by 2.5 runs of pressure and 11 % of speed
+    added = 2.5 * 3e-5 + (1 / 0.9 - 1) / (1 - 1 / 1.1) * 10e-5
+    table = pd.DataFrame({"circulation": [1e-2] * 3, "x": 0.0, "y": 0.0})
+    seen = {"measured": {"virtual": table}}
+    found = corrected(replace(moved, **seen))["circulation"] - 1e-2
+    assert found.to_numpy() == pytest.approx(added, rel=0.02)
+    assert corrected(replace(case, **seen)).equals(table)
     assert std["duration as recorded"] == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1) * 10e-5)
 
 
