@@ -211,7 +211,9 @@ def describe(folder: Path) -> None:
 
 def main(folder: Path) -> None:
     """Make the flows where they are stale, then everything of the folder anew."""
-    if folder.exists() and not (folder / "SHA256SUMS").exists() and any(folder.iterdir()):
+    page, title = folder / "README.md", PAGE.read_text(encoding="utf-8").splitlines()[0]
+    ours = page.is_file() and title in page.read_text(encoding="utf-8", errors="replace")
+    if folder.exists() and any(folder.iterdir()) and not ours:
         raise SystemExit(f"{folder}: is not empty and no benchmark; name another folder")
     shutil.rmtree(folder, ignore_errors=True)
     for name, (case, level, start) in SCENES.items():

@@ -37,6 +37,8 @@ def test_the_folder_is_whole_and_its_truth_scores_itself(tmp_path, monkeypatch, 
 
 def test_a_folder_of_something_else_is_not_taken(tmp_path):
     (tmp_path / "thesis.txt").write_text("all of it")
+    (tmp_path / "README.md").write_text("# My thesis")
+    (tmp_path / "SHA256SUMS").write_text("")  # of somebody else's files
     with pytest.raises(SystemExit, match="no benchmark"):
         benchmark.main(tmp_path)
     assert (tmp_path / "thesis.txt").exists()
