@@ -113,7 +113,10 @@ def identified(folder: Path) -> Fit:
 
 
 def held_out(folder: Path, found: Fit) -> dict[str, float]:
-    """RMS distance of the tip over the beam's length in the second recording of each mass."""
+    """RMS distance of the tip over the beam's length in the second recording of each mass.
+
+    The least over instants of release, which are not known.
+    """
     out = {}
     for name in NAMES:
         time, place = read(folder, name, HELD_OUT)
@@ -150,6 +153,6 @@ def measure() -> Result | None:
     )  # fmt: skip
     text = (
         "A beam of silicone is let go above its sag and swings about it. The first recording with"
-        " each mass is fitted as a film is, the second is foretold."
+        " each mass is fitted as a film is, the second is foretold but for its instant of release."
     )
     return Result(NAME, "A silicone beam that is let go", text, checks)
