@@ -112,7 +112,7 @@ evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night
 	@$(MAKE) faults park bench-piv docs
 
 faults: ## kills, full disks, damaged files, two makes at once
-park: ## own fingers of every kind, and what must hold of them (hours): docs/park.md
+park: ## own fingers of every kind, and what must hold of them (hours; writes docs/park.md)
 benchmark: ## PIV recordings with exact truth, for any program: benchmark/ (minutes)
 faults park benchmark: $(READY)
 	@$(PY) -m docs.evidence.$@

@@ -1,7 +1,7 @@
 """`python -m docs.evidence.costs`: CPU hours of the parts of `make evidence`, before it runs.
 
 Those of studies are the program's own estimates, from the last run of a stage where there is one.
-The others were measured.
+The others were measured once, or are not known (?); ranks and the runs of stability are not listed.
 """
 
 from pathlib import Path
@@ -28,6 +28,7 @@ STUDIES = (
 OTHERS = {
     "bench-piv": None,
     "faults": None,
+    "park": None,
     "laboratory, 40 seeds of 61 s (2026-11-27)": 0.7,
     "predictability": 0.5,
     "docs": 1.0,

@@ -28,8 +28,8 @@ _FLOOR = 1e-3
 HALVE = "halve numerics.time_step, and again where it stops again"
 # of the power that is exchanged; the shipped scenes have at most 0.01
 _UNEXPLAINED, _UNEXPLAINED_LIMIT = 0.05, 0.15
-# Error of peak force and impulse by the square of `force_change`: 20 % at 0.36, 2 % at 0.14. And
-# the largest error without a warning. Measured: docs/stability/drawn.csv
+# Error of peak force and impulse by the square of `force_change`, and the largest error without a
+# warning; docs/reference/tuned.csv. What they miss: docs/stability/drawn.csv
 _ERROR_OF_CHANGE, _WRONG = 1.5, 0.08
 # of the peak speed: a wall whose velocity changes by more in a time step does unsampled work
 _UNRESOLVED = 0.2
