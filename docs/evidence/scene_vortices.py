@@ -12,9 +12,9 @@ import pandas as pd
 from docs.evidence.small_scene import ROOT
 from piv.formats.plane_series import read_plane
 from piv.formats.vortex_table import read_vortices
+from postprocess.evidence.tip_vortex import KNOWN
 
 SCENES = ("single_finger", "single_deflate", "cycle", "pinch")
-KNOWN = 0.05  # of a circulation: its standard uncertainty, up to which it counts
 
 
 def main_track(folder: Path, table: str, series: str) -> tuple[pd.DataFrame, str]:
@@ -32,6 +32,8 @@ def main_track(folder: Path, table: str, series: str) -> tuple[pd.DataFrame, str
 def row_of(scene: str, level: str) -> dict[str, object]:
     """Compare the flow's main vortex with PIV's, as in the table of docs/vortices.md."""
     folder = ROOT / "cases" / scene / "out" / level
+    if not (folder / "vortices_piv.csv").exists():
+        raise SystemExit(f"{scene} has no vortices at level {level}: make {scene} LEVEL={level}")
     flow, followed = main_track(folder, "vortices_cfd.csv", "sheet.h5")
     piv, in_piv = main_track(folder, "vortices_piv.csv", "piv.h5")
     piv = piv[piv["time"].between(*flow["time"].iloc[[0, -1]])]
