@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from piv.images.file_names import PAIRINGS, in_couples
-from piv.images.image_files import JPEG_SUFFIXES, ImageFiles
+from piv.images.image_files import COLOURS, JPEG_SUFFIXES, ImageFiles
 from piv.images.recording import Recording
 from piv.images.recordings.cine import Cine
 from piv.images.recordings.davis import DavisImages
@@ -75,6 +75,8 @@ def open_recording(
         paths = files_of(source[0]) if len(source) == 1 else [Path(p) for p in source]
     if not paths:
         raise ValueError("name a recording: image files, a folder, a video, an .mraw or an .h5")
+    if colour not in COLOURS:
+        raise ValueError(f"`colour` must be one of {', '.join(COLOURS)}, got {colour!r}")
     recording = _open_files(paths, colour)
     return recording if layout is None else DoubleFrames(recording, layout)
 

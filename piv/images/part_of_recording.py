@@ -120,6 +120,8 @@ def part_of_recording(
     ...     piv.part_of_recording(film, roi=(10, 10, 109, 89)).shape
     (80, 100)
     """
+    if roi_unit not in ("px", "m"):
+        raise ValueError(f"`roi_unit` must be px or m, got {roi_unit!r}")
     masks = _open_masks(mask, recording) if mask is not None else None
     if roi is not None and masks is not None and masks.roi is not None:
         raise ValueError(f"{mask}: this file holds a region of interest too; give one of the two")

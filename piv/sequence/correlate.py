@@ -1,7 +1,7 @@
 """One call from images of any kind to vectors."""
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -60,6 +60,8 @@ class _Arrays(Recording):
     """Pictures in memory."""
 
     def __init__(self, images: Sequence[Any]) -> None:
+        if not len(images):
+            raise ValueError("name a recording, or give two or more pictures")
         super().__init__("images", len(images))
         self._images = [np.asarray(image) for image in images]
         for k, image in enumerate(self._images):
@@ -185,17 +187,27 @@ def correlate_to(
 
 
 def _open(source: Any, settings: dict[str, Any]) -> AbstractContextManager[Recording]:
-    """The recording of what `correlate` takes; that of the caller stays open."""
+    """The recording of what `correlate` takes."""
     first = source[0] if isinstance(source, list | tuple) and source else source
-    if isinstance(source, Recording):
-        return nullcontext(source)
+    colour, layout = settings.get("colour", "refuse"), settings.get("layout")
     if isinstance(first, str | Path):
-        return open_recording(
-            source, colour=settings.get("colour", "refuse"), layout=settings.get("layout")
-        )
-    recording = _Arrays(source)
-    layout = settings.get("layout")
-    return recording if layout is None else DoubleFrames(recording, layout)
+        return open_recording(source, colour=colour, layout=layout)
+    if colour != "refuse":
+        raise ValueError(f"`colour` {colour} is of files; these pictures are of grey values")
+    return _borrowed(source if isinstance(source, Recording) else _Arrays(source), layout)
+
+
+@contextmanager
+def _borrowed(recording: Recording, layout: str | None) -> Iterator[Recording]:
+    """A recording of the caller, which stays open; it gets its own scale and clock back."""
+    _ = recording.shape  # the first frame read tells `bits`
+    attrs, times, interval = dict(recording.attrs), recording.times, recording.interval
+    try:
+        yield recording if layout is None else DoubleFrames(recording, layout)
+    finally:
+        recording.attrs.clear()  # parts of a recording share them
+        recording.attrs.update(attrs)
+        recording.times, recording.interval = times, interval
 
 
 def _ask_about_mask(part: Recording, mask: Any) -> None:

@@ -24,11 +24,20 @@ class DoubleFrames(Recording):
             )
         self.attrs, self.files, self.lossy = whole.attrs, whole.files, whole.lossy
         self.attrs.pop("frame_rate_hz", None)  # that of pairs
+        self.key = whole.key
         self.pairing = PAIRINGS[1]
         self.missing = frozenset(2 * k + n for k in whole.missing for n in (0, 1))
 
     def _read(self, i: int) -> np.ndarray:
-        return np.split(self.whole.frame(i // 2), 2, axis=self._axis)[i % 2]
+        return self._half(self.whole.frame(i // 2), i)
+
+    def _half(self, picture: np.ndarray, i: int) -> np.ndarray:
+        return np.split(picture, 2, axis=self._axis)[i % 2]
+
+    def mask(self, i: int) -> np.ndarray | None:
+        """The body in frame `i` where the pictures know it."""
+        whole = self.whole.mask(i // 2)
+        return None if whole is None else self._half(whole, i)
 
     def frame_name(self, i: int) -> str:
         """What a message calls frame `i`."""

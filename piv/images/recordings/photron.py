@@ -21,7 +21,7 @@ _CIHX = {
     "Color Bit": "imageDataInfo/colorInfo/bit",
 }  # of the XML header, by the names of the older one
 
-
+_HEADERS = (".cihx", ".cih")
 _EXPORTS = {"tiff": "tif", "jpeg": "jpg"}  # endings of images, by the header's word
 
 
@@ -79,12 +79,26 @@ def exported(header: Path) -> list[Path]:
     kind = _read_header(header).get("File Format", "mraw").lower()
     if kind == "mraw":
         return []
-    return sorted(header.parent.glob(f"{header.stem}*.{_EXPORTS.get(kind, kind)}"))
+    ending = f".{_EXPORTS.get(kind, kind)}"
+    beside = list(header.parent.iterdir())
+    # the pictures of run1 and of run12 both begin with run1
+    longer = tuple(
+        p.stem
+        for p in beside
+        if p.suffix.lower() in _HEADERS and p.stem.startswith(header.stem) and p.stem != header.stem
+    )
+    return sorted(
+        p
+        for p in beside
+        if p.suffix.lower() == ending
+        and p.stem.startswith(header.stem)
+        and not p.stem.startswith(longer)
+    )
 
 
 def set_rate(recording: Recording, path: Path) -> None:
     """Give a recording the frame rate of the header `path`, or of one of its name beside it."""
-    headers = [path.with_suffix(suffix) for suffix in (".cihx", ".cih")]
+    headers = [path.with_suffix(suffix) for suffix in _HEADERS]
     header = next((h for h in headers if h.is_file()), None)
     if header is None:
         return
@@ -117,11 +131,7 @@ def _read_header(path: Path) -> dict[str, str]:
 
 
 def _photron_files(path: Path) -> tuple[Path, Path]:
-    headers = (
-        [path]
-        if path.suffix.lower() != ".mraw"
-        else [path.with_suffix(s) for s in (".cihx", ".cih")]
-    )
+    headers = [path] if path.suffix.lower() != ".mraw" else [path.with_suffix(s) for s in _HEADERS]
     header = next((h for h in headers if h.is_file()), None)
     raw = path.with_suffix(".mraw")
     if header is None:

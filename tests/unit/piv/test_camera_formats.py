@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from piv import correlate_pair, open_recording
+from piv.images.recording import Recording
+from piv.images.recordings.double_frames import DoubleFrames
 from tests.camera_files import cine, imagej
 from tests.piv_command import made, piv
 
@@ -52,6 +54,21 @@ def test_both_exposures_in_one_picture(tmp_path, capsys):
         open_recording(tmp_path / "odd.tif", layout="top-bottom")
 
 
+def test_halves_of_a_picture_keep_its_mask_and_identity():
+    class Masked(Recording):
+        def _read(self, i):
+            return FRAMES[0]
+
+        def mask(self, i):
+            return FRAMES[0] > 500
+
+    whole = Masked("masked", 1)
+    whole.key = "of these pixels"
+    pair = DoubleFrames(whole, "top-bottom")
+    assert pair.key == whole.key
+    np.testing.assert_array_equal(pair.mask(1), FRAMES[0, 6:] > 500)
+
+
 @pytest.mark.parametrize("kind", ["f4", "f8", "i2", "u4"])
 def test_tiff_of_other_numbers(tmp_path, kind):
     picture = (FRAMES[0].astype(float) - (100 if kind != "u4" else 0)).astype(kind)
@@ -85,6 +102,9 @@ def test_a_video_or_images_of_photron_beside_their_header(tmp_path):
     (tmp_path / "b.cih").write_text(header.format("Tiff"))
     for k, frame in enumerate(FRAMES):
         cv2.imwrite(str(tmp_path / f"b{k + 1:06d}.tif"), frame)
+    # and those of another recording whose name begins alike
+    (tmp_path / "b1.cih").write_text(header.format("Tiff"))
+    cv2.imwrite(str(tmp_path / "b1000001.tif"), FRAMES[0])
     with open_recording(tmp_path / "b.cih") as film:
         np.testing.assert_array_equal(list(film), FRAMES)
         assert film.attrs["frame_rate_hz"] == 250
