@@ -13,7 +13,7 @@ import xarray as xr
 from piv.commands.convert import add_reading, reading
 from piv.commands.settings import positive
 from piv.files.atomic import write_text
-from piv.foreign.read import read_vectors
+from piv.foreign.read import kind_of, read_vectors
 from piv.formats.plane_series import read_plane
 from piv.synthetic.score import score
 
@@ -45,7 +45,7 @@ def _vectors(args: argparse.Namespace, truth: xr.Dataset) -> xr.Dataset:
     known = {n: truth.attrs.get(n) for n in ("scale_mm_per_px", "interval", "image_rows")}
     if truth.sizes.get("time", 1) > 1:
         known["rate"] = 1 / float(truth["time"][1] - truth["time"][0])
-    if args.kind in (None, "plane") and args.vectors[0].endswith(".h5"):
+    if (args.kind or kind_of(Path(args.vectors[0]))) == "plane":
         with read_plane(args.vectors[0]) as own:
             pixels = own["x"].attrs.get("units") == "px"
         known = {n: v for n, v in known.items() if pixels and n != "image_rows"}

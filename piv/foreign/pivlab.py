@@ -25,7 +25,7 @@ Instant = list[ndarray]  # x, y, u, v and the type of each vector
 
 
 def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
-    """Every instant; FileNotFoundError, or ValueError for another kind of file.
+    """Every instant; ValueError for another kind of file.
 
     Filtered vectors where there are some. Vector type 1 is measured, 0 masked, 2 rejected and
     interpolated: absent unless `keep_replaced`. A session is in px, and states its calibration. In
@@ -39,8 +39,6 @@ def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]
 
 def instants(path: Path) -> list[tuple[Instant, dict[str, Any]]]:
     """Every instant, and what the file states of units, scale, clock and picture."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file")
     try:
         if new := h5py.is_hdf5(path):
             check_hdf5(path)

@@ -18,11 +18,11 @@ from piv.foreign.vectors import Vectors
 from piv.formats.plane_series import checked, make_plane, read_plane, units_of
 from piv.images.calibration import Calibration, calibrate_plane
 
-READERS = ("text", "pivlab", "davis", "pivpy", "plane")
 _SUFFIXES = {
     "text": (".txt", ".csv", ".dat", ".tec", ".plt", ".vec"), "pivlab": (".mat",),
     "davis": (".vc7", ".vec7"), "pivpy": (".nc",), "plane": (".h5",),
 }  # fmt: skip
+READERS = tuple(_SUFFIXES)
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 _VELOCITIES = [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")]
 
@@ -192,7 +192,7 @@ def read_vectors(
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     if not files:
         raise ValueError("name at least one file of vectors")
-    kinds = {kind or _kind_of(p) for p in files}
+    kinds = {kind or kind_of(p) for p in files}
     if len(kinds) > 1:
         raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
     kind = kinds.pop()
@@ -209,6 +209,8 @@ def read_vectors(
                 f"{files[0]}: `keep_replaced` and `zero_is_absent` are of other programs' files"
             )
         return _in_units(checked(read_plane(files[0]), files[0]), str(files[0]), rate, **units)
+    if keep_replaced and kind in ("davis", "pivpy"):
+        raise ValueError(f"{files[0]}: `keep_replaced` is of PIVlab's files")
     files.sort(key=natural_key)
     planes, names, times = [], [], []
     for path in files:
@@ -238,7 +240,7 @@ def read_vectors(
     return in_px(series, unit) if pixels else series
 
 
-def _kind_of(path: Path) -> str:
+def kind_of(path: Path) -> str:
     """Name of the reader for a file by its suffix; ValueError where it is unknown."""
     for kind, suffixes in _SUFFIXES.items():
         if path.suffix.lower() in suffixes:

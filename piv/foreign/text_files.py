@@ -1,7 +1,7 @@
 """Text files of vectors: OpenPIV, PIVlab, DaVis, and Tecplot as of MicroVec and TSI Insight.
 
 The head of a file tells its program. Numbers are separated by blanks, tabs, semicolons or commas; a
-comma is decimal where another of them separates.
+comma is decimal where another of them separates, without a comma beside it.
 """
 
 import re
@@ -48,7 +48,7 @@ def read_text(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
 def _numbers(path: Path, lines: list[str]) -> ndarray:
     """Rows of numbers (row, column), at least four columns."""
     sample = "\n".join(line.strip() for line in lines[:1000])
-    decimal = re.search(r"[\t; ]", sample) and not re.search(r",\s", sample)
+    decimal = re.search(r"[^,\s][\t; ]+[^,\s]", sample) and not re.search(r",\s", sample)
     comma = "." if decimal else " "
     table = str.maketrans({",": comma, ";": " "})
     try:
@@ -64,8 +64,10 @@ def _numbers(path: Path, lines: list[str]) -> ndarray:
 
 def _titles(line: str) -> list[str]:
     """Titles of columns, such as `x [mm]`, from the line above the numbers."""
-    parts = [part.strip(' "') for part in re.split(r"[,;\t]", line.strip().lstrip("# "))]
-    return parts if len(parts) >= 4 else line.strip().lstrip("# ").split()
+    line = line.strip().lstrip("# ")
+    parts = [part.strip(' "') for part in re.split(r"[,;\t]", line)]
+    # apart by blanks, as units in brackets are
+    return parts if len(parts) >= 4 else re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)
 
 
 def _short(title: str) -> str:

@@ -107,6 +107,8 @@ def test_pivpy_layout(tmp_path):
         assert opened["u"].dims == ("y", "x", "t")
         assert {"u", "v", "chc"} <= set(opened.data_vars)
         assert opened.attrs["delta_t"] == pytest.approx(0.002)
+    with pytest.raises(ValueError, match="`keep_replaced` is of PIVlab's files"):
+        read_vectors([tmp_path / "a.nc"], keep_replaced=True)
 
 
 def test_vtk_opens_in_pyvista_with_its_time(tmp_path):
@@ -121,6 +123,23 @@ def test_vtk_opens_in_pyvista_with_its_time(tmp_path):
     ok = series["valid"].values[1].ravel() == 1
     np.testing.assert_allclose(grid["velocity"][ok, 1], series["v"].values[1].ravel()[ok])
     np.testing.assert_allclose(grid.bounds[:4], [0.01, 0.022, -0.03, -0.022])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "y [mm] x [mm] v [m/s] u [m/s]\n8 4 2 1\n8 6 2 1\n16 4 2 1\n16 6 2 1\n",
+        "x [mm] ,y [mm] ,u [m/s] ,v [m/s]\n4 ,8 ,1 ,2\n6 ,8 ,1 ,2\n4 ,16 ,1 ,2\n6 ,16 ,1 ,2\n",
+    ],
+)
+def test_titles_apart_by_blanks_and_commas_behind_them(tmp_path, text):
+    """The first was read as x, y, u, v without units, the second's commas as decimal ones."""
+    path = tmp_path / "a.txt"
+    path.write_text(text)
+    plane = read_vectors(path, y_axis="up")
+    np.testing.assert_allclose(plane["x"], [0.004, 0.006])
+    np.testing.assert_allclose(plane["u"], 1.0)
+    np.testing.assert_allclose(plane["v"], 2.0)
 
 
 def test_openpiv_text_asks_for_what_it_does_not_state(tmp_path):
