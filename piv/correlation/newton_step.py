@@ -11,6 +11,7 @@ from numpy import float32, ndarray
 from piv.compiled import compiled
 from piv.correlation.nodes import Nodes, spline_value
 from piv.correlation.options import Options
+from piv.correlation.prefilter import CELL_NOISE
 from piv.validation.outliers import normalised_median
 
 NEAR = 0.75  # side over the largest window's: smaller windows are tested against 3 x 3 neighbours
@@ -31,8 +32,7 @@ class Displacements:
     cells: ndarray
     sums: ndarray
     visible: ndarray  # share of the window's weight that could be used
-    # variance of noise in 3 x 3 cells over nine times that of one (prefilter.cell_noise)
-    cell_noise: float = 1.15
+    cell_noise: float = CELL_NOISE  # of the filter (piv.correlation.prefilter)
     # side of the window over the largest (piv.correlation.adaptive_windows)
     ratio: ndarray | None = None
     steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions

@@ -31,6 +31,9 @@ _LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
 Kernel = tuple[ndarray, ndarray]  # along rows, along columns
+# variance of noise in 3 x 3 cells over nine times that of one, with the default filter; measured
+# once, no command repeats it
+CELL_NOISE = 1.15
 
 
 class Filter(NamedTuple):
@@ -38,8 +41,7 @@ class Filter(NamedTuple):
 
     response: ndarray  # amplitude on the rfft2 frequencies of a tile
     kernel: Kernel
-    # variance of noise in 3 x 3 cells over nine times that of one; measured once for the default
-    cell_noise: float = 1.15
+    cell_noise: float = CELL_NOISE
 
 
 def default_filter() -> Filter:

@@ -29,11 +29,12 @@ FEW = 5.0  # cells with texture: with so few in a window the variance doubles
 # the same below LEAST_KEPT: 5 leaves a tenth of sparse images' vectors wrong, 9 rejects dense ones
 FEW_SMALL = 7.0
 INTERPOLATION = 0.0005  # px: interpolation error without any noise
-# turbulence below the windows: squared second differences over REACH windows grow by 2^STEEP over
-# twice the distance, and by more in flows that the windows resolve (2.0 in a sine of 64 px)
+# Squared second differences over REACH windows tell turbulence below the windows: over twice the
+# distance they grow by 2^STEEP[0] there. In flows that the windows resolve they grow by 2^STEEP[1]
+# (a sine of 64 px) or more.
 STEEP, REACH = (1.6, 2.0), 0.6
-# its variance over theirs: where windows are too small for their residuals to show it, and where
-# they adapted, which counts most of it with the noise
+# The variance of that turbulence over the squared differences: where windows are too small for
+# their residuals to show it, and where they adapted. Those count most of it with the noise.
 UNSEEN, UNSEEN_ADAPTED = 0.02, 0.004
 
 

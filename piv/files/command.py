@@ -23,11 +23,11 @@ from piv.files import __version__
 from piv.files.errors import (
     FLAGS,
     StageError,
-    as_flags,
     printable,
     sentence,
     suggestion,
     system_error,
+    warn,
 )
 
 _PROGRAMS = ("softfinger", "piv")
@@ -107,7 +107,7 @@ class _Terminal:
 
     def __init__(self, stream: Any, kept: str = "\n") -> None:
         self._stream, self._kept = stream, kept
-        self.rich_proxied_file = stream  # the help has colours
+        self.rich_proxied_file = stream  # to which rich writes the help, with its colours
 
     def write(self, text: str) -> int:
         return self._stream.write(self._kept.join(map(printable, text.split(self._kept))))
@@ -128,7 +128,7 @@ def _ended(name: str, action: Callable[[], int | None], strict: bool) -> int:
         message = None if defect and system_error(error) is None else sentence(error)
         if message is None:
             raise
-        print(printable(as_flags(f"{begin}{message}")), file=sys.stderr)
+        warn(f"{begin}{message}")
         return 2
 
 

@@ -38,7 +38,7 @@ def as_flags(text: str) -> str:
 
 
 def warn(text: str) -> None:
-    """Print a warning; options in it as `as_flags`."""
+    """Print a warning or an error to stderr; options in it as `as_flags`."""
     print(printable(as_flags(text)), file=sys.stderr, flush=True)
 
 

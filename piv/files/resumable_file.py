@@ -16,6 +16,9 @@ from piv.files.hdf5 import check_hdf5
 from piv.files.hdf5_disk import DiskFile
 from piv.files.json_text import plain
 
+# bytes of each variable that HDF5 keeps: none, as items are written once; its default is 8 MB
+_CACHE = 0
+
 
 class ResumableFile:
     """Items of a kind (`ITEM`) written to `<path>.part`, which `finish` renames to `path`.
@@ -31,7 +34,6 @@ class ResumableFile:
         self, path: str | Path, count: int, identity: Any, attrs: Mapping[str, Any]
     ) -> None:
         self.path = Path(path)
-        # rdcc_nbytes=0 below: items are written once; HDF5 would keep 8 MB of each variable
         self.part = self.path.with_name(self.path.name + ".part")
         self.count = count
         self._open: dict[str, h5py.Dataset] = {}  # a look-up takes as long as a write
@@ -50,7 +52,7 @@ class ResumableFile:
             return False
         try:
             check_hdf5(self.part)
-            self._file = DiskFile(self.part, "r+", rdcc_nbytes=0)
+            self._file = DiskFile(self.part, "r+", rdcc_nbytes=_CACHE)
         except (OSError, ValueError):
             return False  # killed while the file was being created
         if self._file.attrs.get("_identity") == self._identity:
@@ -59,7 +61,7 @@ class ResumableFile:
         return False
 
     def _begin(self, attrs: Mapping[str, Any]) -> None:
-        self._file = DiskFile(self.part, "w", rdcc_nbytes=0)
+        self._file = DiskFile(self.part, "w", rdcc_nbytes=_CACHE)
         try:
             self._create()
             self._file.create_dataset("_done", data=np.zeros(self.count, np.uint8))

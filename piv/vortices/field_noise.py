@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 _REACHES = (1, 2, 3)  # grid steps; windows of PIV overlap over up to four
-_GROWS = 1.2  # errors that are alike over k steps grow by more
+_GROWS = 1.2  # differences of errors that are alike over k steps grow by more to the next reach
 _LEAST = 20  # differences that give a median
 _TO_STD = 1.4826  # of a normal distribution over its median deviation
 

@@ -31,9 +31,9 @@ OF_WEIGHTS = 4e-5
 # what windows and their smoothing err alike over a vortex: of a circulation, and of a radius the
 # factor of the square of the errors' length over it
 OF_PIV, OF_WINDOWS = 0.0012, 0.0085
-# smoothing that the plane's border cuts makes vorticity beside it too large: relative errors are
-# the cut share of a region's smoothing to this power, in Lamb-Oseen vortices of 0.3 to 3 smoothing
-# lengths whose centres are 2 to 8 of them from a border, to a third
+# Smoothing that the plane's border cuts makes vorticity beside it too large. The relative errors
+# are the cut share of a region's smoothing to this power. That holds to a third in Lamb-Oseen
+# vortices of 0.3 to 3 smoothing lengths, whose centres are 2 to 8 of them from a border.
 OF_BORDER = 0.7
 # errors of PIV over those of the replicas: x, y, circulation, radius, peak, circle
 OF_REPLICAS = np.array([0.66, 0.66, 0.82, 1.0, 1.55, 0.82])
@@ -79,19 +79,22 @@ def _cut_shares(patch: Patch, p: Plane, scale: float) -> ndarray:
     return np.array(shares)
 
 
+def with_noise(p: Plane) -> Plane:
+    """The plane; where it does not tell its noise, with that of the field itself."""
+    if p.noise is not None:
+        return p
+    u_std, v_std, alike = field_noise(p.u, p.v)
+    noise = np.full(p.u.shape, u_std), np.full(p.u.shape, v_std)
+    return p._replace(noise=noise, correlated=max(p.correlated, alike * max(p.step)))
+
+
 def of_vectors(
     patch: Patch, p: Plane, scale: float, m: Measures, own: list[ndarray]
 ) -> tuple[Measures, float]:
     """Standard uncertainties of a region's measures, and of its excess, by replicas of the vectors.
 
-    The errors are alike over a window. Where the plane does not tell them the uncertainties are 0,
-    and that of the excess is by the noise of the field itself (`field_noise`).
+    p: with its noise (`with_noise`). The errors are alike over a window.
     """
-    told = p.noise is not None
-    if p.noise is None:
-        u_std, v_std, alike = field_noise(p.u, p.v)
-        noise = np.full(p.u.shape, u_std), np.full(p.u.shape, v_std)
-        p = p._replace(noise=noise, correlated=max(p.correlated, alike * max(p.step)))
     assert p.noise is not None
     _, mask, free, box, level, strained, _ = patch
     rng = np.random.default_rng(1)
@@ -116,8 +119,7 @@ def of_vectors(
         return Measures(*[np.inf] * 6), np.inf
     turning = replicas._replace(omega=sense * replicas.omega)
     doubt = float(excess_of(turning, mask, abs(m.peak_vorticity) * strained).std(ddof=1))
-    stds = OF_REPLICAS * np.std(values, axis=0, ddof=1) if told else np.zeros(6)
-    return Measures(*stds.tolist()), doubt
+    return Measures(*(OF_REPLICAS * np.std(values, axis=0, ddof=1)).tolist()), doubt
 
 
 def _alike(rng: np.random.Generator, p: Plane, shape: tuple[int, int]) -> ndarray:

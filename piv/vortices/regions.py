@@ -11,7 +11,7 @@ from numpy import ndarray
 from scipy import ndimage
 
 from piv.compiled import compiled
-from piv.vortices.region_errors import of_grid, of_vectors
+from piv.vortices.region_errors import of_grid, of_vectors, with_noise
 from piv.vortices.region_measures import (
     CIRCLE,
     DISC,
@@ -70,13 +70,15 @@ def find_regions(p: Plane, scale: float, s: VortexSettings) -> list[Region]:
     least = s.min_part * strongest if s.min_circulation is None else s.min_circulation
     found = [f for f in found if abs(f[0].circulation) >= least and f[1].turns]
     measures = [m for m, _ in found]
-    regions = []
+    regions, noisy = [], with_noise(p)
     for m, patch in found:
         reaches = DISC * scale, CIRCLE * m.radius
         own = [own_points(p, patch.box, m, measures, reach) for reach in reaches]
         disc, circle = (np.sign(m.circulation) * circulation_of(patch.c, part, p) for part in own)
         m = m._replace(circulation=disc, circle=circle)
-        noise, doubt = of_vectors(patch, p, scale, m, own)
+        noise, doubt = of_vectors(patch, noisy, scale, m, own)
+        if p.noise is None:  # then it only decides: no uncertainty is stated
+            noise = Measures(*[0.0] * 6)
         excess = float(excess_of(patch.c, patch.mask, abs(m.peak_vorticity) * patch.strained))
         if abs(m.circulation) >= s.significance * noise.circulation and excess >= CERTAIN * doubt:
             std = np.hypot(of_grid(patch, p, scale, m, own), noise)

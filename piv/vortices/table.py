@@ -102,9 +102,10 @@ def tabulate_vortices(
 def fastest(plane: xr.Dataset) -> float:
     """Largest speed of a plane's usable vectors, in its length over s; inf in other units."""
     length, velocity = units_of(plane)
-    if velocity != f"{length}/s" or not usable(plane).any():
+    known = usable(plane)
+    if velocity != f"{length}/s" or not known.any():
         return float("inf")
-    return float(np.nanmax(np.where(usable(plane), np.hypot(plane["u"], plane["v"]), np.nan)))
+    return float(np.nanmax(np.where(known, np.hypot(plane["u"], plane["v"]), np.nan)))
 
 
 def _bridged(track: pd.DataFrame, times: list[float]) -> pd.DataFrame:
