@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ from postprocess.lab.validation import (
     joint_level,
 )
 from postprocess.lab.virtual_experiment import Sides
-from postprocess.report.page_template import page_template
+from postprocess.report.page_template import data_uri, page_template
 from postprocess.words import NBSP, pair, size
 
 Quantity = dict[str, Any]
@@ -46,7 +45,6 @@ WORDS = {
     DIFFERS: "no, but within what is known of the inputs",
     None: "not tested",
 }
-TYPES = {".svg": "svg+xml", ".png": "png", ".webp": "webp"}
 SIDES = {  # colour, line and name
     "data": (LAB, "-", "laboratory (DPIV)"),
     "virtual": (PIV, "-", "simulation, seen by the same PIV"),
@@ -82,11 +80,6 @@ def _why_then(compared: Compared, result: dict[str, Any]) -> str:
 
 def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str = "") -> str:
     """The page of a comparison; `pictures`: alternative text by file, `why` its instants."""
-
-    def address(path: Path) -> str:
-        coded = base64.b64encode(path.read_bytes()).decode()
-        return f"data:image/{TYPES[path.suffix]};base64,{coded}"
-
     return page_template("lab.html").render(
         title=title,
         result=result,
@@ -95,7 +88,10 @@ def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str
         pair=pair,
         size=size,
         relative=_relative,
-        pictures={path.stem: (address(path), alt) for path, alt in pictures.items()},
+        pictures={
+            path.stem: (data_uri(path.suffix, path.read_bytes()), alt)
+            for path, alt in pictures.items()
+        },
         registration=result["registration"],
         too_uncertain=TOO_UNCERTAIN,
         pretty=lambda value: json.dumps(value, indent=1, sort_keys=True),

@@ -1,6 +1,5 @@
 """Stage report: report.html, one static page with everything inside it."""
 
-import base64
 import json
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,8 @@ from piv.files.record import read_record
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.report import trust, wording
 from postprocess.report.assumptions import flow_numbers, purpose, statements
-from postprocess.report.page_template import page_template
+from postprocess.report.page_template import data_uri, page_template
 from postprocess.report.pinch_table import pinch_table
-
-_MIME = {".png": "image/png", ".svg": "image/svg+xml", ".webp": "image/webp", ".webm": "video/webm"}
 
 
 def make_report(files: StageFiles) -> Path:
@@ -93,7 +90,7 @@ def _sections(entries: list[dict[str, Any]], folder: Path) -> dict[str, list[dic
 
 
 def _data_uri(path: Path) -> str:
-    return f"data:{_MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return data_uri(path.suffix, path.read_bytes())
 
 
 def _records(out: Path) -> list[dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from pathlib import Path
 
@@ -11,9 +10,9 @@ from matplotlib.figure import Figure
 
 from piv.files.atomic import write_text
 from postprocess.draw.style import CFD, MM, SHADED, WIDTH, new_figure
-from postprocess.report.page_template import page_template
+from postprocess.report.page_template import data_uri, page_template
 from softfinger.twin.fit import Fit
-from softfinger.twin.identify import Judged, warnings
+from softfinger.twin.identify import CLOSE, Judged, warnings
 from softfinger.twin.model import Twin
 
 _PICTURES = 4  # of a film
@@ -28,7 +27,8 @@ def write_page(
         title=twin.scene.title,
         rows=found.table(),
         warnings=warnings(found),
-        medium="air" if twin.air else "modelled water",
+        air=twin.air,
+        close=CLOSE,
         rms=found.rms,
         strokes=[
             {
@@ -76,4 +76,4 @@ def _tip(one: Judged) -> Figure:
 def _data_uri(figure: Figure) -> str:
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=110, facecolor="white")
-    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
+    return data_uri(".png", content.getvalue())
