@@ -21,7 +21,8 @@ TYPED    := $(foreach v,$(.VARIABLES),$(if $(filter command,$(firstword $(origin
 UNKNOWN  := $(filter-out $(SWITCHES),$(TYPED))
 $(if $(strip $(UNKNOWN)),$(error $(UNKNOWN): no such value; the values are $(SWITCHES)))
 # Targets that use no value; the program refuses those that its commands do not use.
-PLAIN    := $(filter help bench-piv faults test-slurm audit lint unit clean,$(MAKECMDGOALS))
+PLAIN    := help bench-piv benchmark park faults test-slurm audit lint unit clean
+PLAIN    := $(filter $(PLAIN),$(MAKECMDGOALS))
 UNUSED   := $(filter $(VALUES) SCENE STUDY DOCS,$(TYPED))
 $(if $(filter 0,$(MAKELEVEL)),$(if $(PLAIN),$(if $(UNUSED),$(error \
     $(PLAIN) does not use $(UNUSED); omit it))))

@@ -57,27 +57,34 @@ def plot(
     output: Annotated[Path, Parameter(["--output", "-o"], help=".png, .pdf or .svg")],
 ) -> None:
     """Draw a column of a study's table over another: a point for each run, by level a line."""
-    import pandas as pd
+    import numpy as np
 
     from piv.files.errors import suggestion
+    from piv.formats.user_tables import UserTable, read_columns
     from postprocess.draw.style import HEIGHT, WIDTH, new_figure, save
 
     if output.suffix not in (".png", ".pdf", ".svg"):
         raise StageError(f"--output {output}: give a name that ends in .png, .pdf or .svg")
     if not table.is_file():
         raise StageError(f"{table}: no such table; softfinger study writes it")
-    runs = pd.read_csv(table, comment="#")
+    runs = read_columns(table, ["run", "level"], None)
     for name in (x, y):
-        if name not in runs:
-            near = suggestion(name, runs.columns)
-            raise StageError(f"{table}: no column {name}{near}; it has {', '.join(runs.columns)}")
-    known = runs.dropna(subset=[x, y]).sort_values(x)
-    if known.empty:
+        if name not in runs.names:
+            near = suggestion(name, runs.names)
+            raise StageError(f"{table}: no column {name}{near}; it has {', '.join(runs.names)}")
+    both = [k for k, cells in enumerate(zip(runs.text(x), runs.text(y), strict=True)) if all(cells)]
+    if not both:
         raise StageError(f"{table}: no run has both {x} and {y}; run the study again")
+    known = UserTable(
+        table, runs.names, [runs.rows[k] for k in both], [runs.lines[k] for k in both]
+    )
+    points = known.numbers([x, y])
+    levels = np.array(known.text("level"))
     figure, ax = new_figure(WIDTH, HEIGHT)
-    for level, rows in known.groupby("level", sort=False):
-        ax.plot(rows[x], rows[y], "o-", label=level)
-    for run, *place in known[["run", x, y]].itertuples(index=False):
+    for level in dict.fromkeys(levels):
+        line = points[levels == level]
+        ax.plot(*line[np.argsort(line[:, 0], kind="stable")].T, "o-", label=level)
+    for run, place in zip(known.text("run"), points, strict=True):
         ax.annotate(run, place, xytext=(4, 4), textcoords="offset points", size=7)
     ax.set(xlabel=x, ylabel=y)
     ax.legend()

@@ -63,6 +63,7 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "SCENE=pinch"], "run does not use SCENE; omit it"),
         (["tradeoff", "STUDY=x.csv", "DOCS=pinch"], "tradeoff does not use"),
         (["lint", "LEVEL=smoke"], "lint does not use LEVEL; omit it"),
+        (["park", "LEVEL=smoke"], "park does not use LEVEL; omit it"),
         (["single_finger", 'LEVEL=$$(touch made; echo "smoke)'], "no level"),
         (["single_finger", "LEVEL=$(shell touch made)"], "no level '$(shell touch made)'"),
         (["fea", "SCENE=;touch made;"], "cases/;touch made;: no such scene"),

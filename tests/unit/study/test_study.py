@@ -274,5 +274,10 @@ def test_a_column_over_another_is_drawn_or_what_is_missing_is_named(tmp_path):
     assert (tmp_path / "out.pdf").read_bytes().startswith(b"%PDF")
     with pytest.raises(StageError, match=r"no column peak_force\b.*did you mean peak_force_N"):
         plot(path, "mesh.tip_cell", "peak_force", output=tmp_path / "out.pdf")
+    with pytest.raises(StageError, match=r"line 2, column level: 'draft' is not a finite number"):
+        plot(path, "level", "peak_force_N", output=tmp_path / "out.pdf")
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(StageError, match="no column run in its header"):
+        plot(tmp_path / "other.csv", "a", "b", output=tmp_path / "out.pdf")
     with pytest.raises(StageError, match=r"out\.doc: give a name that ends in \.png"):
         plot(path, "mesh.tip_cell", "peak_force_N", output=tmp_path / "out.doc")
