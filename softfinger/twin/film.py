@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 
 from piv.files.errors import StageError
-from piv.images.open_recording import VIDEO_SUFFIXES, open_recording
+from piv.images.clock import frame_times
+from piv.images.open_recording import PAIRINGS, Recording, open_recording
+from piv.images.recordings.video import Video
 from postprocess.lab.pose import Pose
 
 MOST_FRAMES = 60  # that are used of a film, evenly
@@ -23,13 +25,15 @@ class Film:
     """Silhouettes of a film.
 
     `distance` (frame, row, column): px from the silhouette's edge, positive outside, row 0 below;
-    `times` (frame,) s from the first picture; `images` (frame, row, column) as the camera has them.
+    `times` (frame,) s from the first picture; `images` (frame, row, column) in 256 grey levels, row
+    0 above. `unused`: pictures after the end of the pressure.
     """
 
     name: str
     times: np.ndarray
     distance: np.ndarray
     images: np.ndarray
+    unused: int = 0
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Distances (frame, point) px at points (frame, point, 2) px, y up; linear."""
@@ -40,20 +44,35 @@ class Film:
         return out
 
 
-def film_times(path: Path, count: int, rate: float | None) -> np.ndarray:
-    """Times (s) of a film's pictures: by its stated rate, else its container's. StageError."""
+def film_times(recording: Recording, rate: float | None) -> np.ndarray:
+    """Times (s) of a film's pictures from the first: by `rate`, the file or its container.
+
+    ValueError where none of them gives times.
+    """
+    count, name = len(recording), recording.name
     if rate is not None:
-        return np.arange(count) / rate
-    if path.suffix.lower() not in VIDEO_SUFFIXES:
-        raise StageError(f"{path}: pictures have no times; give --rate, in pictures a second")
-    capture, stamps = cv2.VideoCapture(str(path)), []
+        return np.asarray(frame_times(np.arange(count), PAIRINGS[0], None, rate))
+    if recording.times is not None:
+        return np.asarray(recording.times - recording.times[0])
+    if not isinstance(recording, Video):
+        raise ValueError(f"{name}: pictures have no times; give --rate, in pictures a second")
+    capture, stamps = cv2.VideoCapture(str(recording.path)), []
     while capture.grab():
         stamps.append(1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC))
     capture.release()
     times = np.array(stamps[:count])
     if len(times) < count or np.any(np.diff(times) <= 0):
-        raise StageError(f"{path}: its container states no times; give --rate")
+        raise ValueError(f"{name}: its container states no times; give --rate")
     return times - times[0]
+
+
+def shape_of(path: Path) -> tuple[int, int]:
+    """Rows and columns of a film's pictures. StageError."""
+    try:
+        with open_recording(path, colour="luma") as recording:
+            return recording.shape
+    except (ValueError, FileNotFoundError) as error:
+        raise StageError(str(error)) from error
 
 
 def read_film(path: Path, rate: float | None, pose: Pose, outline: np.ndarray, end: float) -> Film:
@@ -63,14 +82,13 @@ def read_film(path: Path, rate: float | None, pose: Pose, outline: np.ndarray, e
     tells which of dark and bright is the finger. StageError where no finger is there.
     """
     try:
-        recording = open_recording(path, colour="luma")
+        with open_recording(path, colour="luma") as recording:
+            times = film_times(recording, rate)
+            used = int(np.sum(times <= end))
+            chosen = np.unique(np.linspace(0, used - 1, MOST_FRAMES).round().astype(int))
+            images = _in_grey_levels(np.stack([recording.frame(int(i)) for i in chosen]))
     except (ValueError, FileNotFoundError) as error:
         raise StageError(str(error)) from error
-    times = film_times(path, len(recording), rate)
-    wanted = np.flatnonzero(times <= end)
-    chosen = wanted[np.unique(np.linspace(0, len(wanted) - 1, MOST_FRAMES).round().astype(int))]
-    images = np.stack([recording.frame(int(i)) for i in chosen])
-    recording.close()
     rows = images.shape[1]
     placed = pose.to_px(outline)
     inside = np.zeros(images.shape[1:], np.uint8)
@@ -82,12 +100,21 @@ def read_film(path: Path, rate: float | None, pose: Pose, outline: np.ndarray, e
         _silhouette(path, image, inside.astype(bool), int(i))
         for i, image in zip(chosen, images, strict=True)
     ]
-    return Film(path.name, times[chosen], np.stack(pictures)[:, ::-1].copy(), images)
+    distance = np.stack(pictures)[:, ::-1].copy()
+    return Film(path.name, times[chosen], distance, images, len(times) - used)
+
+
+def _in_grey_levels(images: np.ndarray) -> np.ndarray:
+    """Pictures of 8 bits as they are, others with their own darkest and brightest as 0 and 255."""
+    if images.dtype == np.uint8:
+        return images
+    low, high = float(images.min()), float(images.max())
+    return np.rint((images - low) * (255 / max(high - low, 1e-9))).astype(np.uint8)
 
 
 def _silhouette(path: Path, image: np.ndarray, rest: np.ndarray, number: int) -> np.ndarray:
     """Signed distance (row, column) px of the region that the finger at `rest` meets most."""
-    grey = cv2.GaussianBlur(image, (0, 0), _BLUR_PX).astype(np.uint8)
+    grey = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
     level, _ = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     dark, bright = grey[grey <= level], grey[grey > level]
     contrast = float(np.median(bright) - np.median(dark)) if dark.size and bright.size else 0.0

@@ -15,7 +15,7 @@ from pipeline.structure.motion import motion
 from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 from postprocess.lab.pose import Pose
-from softfinger.twin.film import Film
+from softfinger.twin.film import Film, read_film
 from softfinger.twin.fit import FloatArray, Parameter
 
 STIFF, LOADS, LOSS, MASS, DRAG = (
@@ -103,7 +103,7 @@ class Twin:
         return self._runs[key]
 
     def _computed(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
-        end = float(np.ptp(read_history(pressure, "pressure", least=2)[0]))
+        end = float(read_history(pressure, "pressure", least=2)[0][-1])
         moved = {"strokes": (), "pressure_csv": str(pressure.resolve()), "end_time": end}
         damped = self.scene.structure.model_copy(update={"loss_factor": values[LOSS]})
         moved_scene = self.scene.model_copy(
@@ -193,6 +193,19 @@ class Twin:
         along, across = (a / np.hypot(*a.T)[:, None] for a in (along, across))
         short, aside = off[:, middle - 1 : middle + 2].mean(axis=1), off[:, one] - off[:, other]
         return np.asarray(outlines[:, middle] - short * along - 0.5 * aside * across)
+
+
+def read_stroke(twin: Twin, path: Path, log: Path, rate: float | None) -> Stroke:
+    """A film until its pressure ends. StageError where the two have no time in common."""
+    times, _ = read_history(log, "pressure", least=2)
+    first, last = float(times[0]), float(times[-1])
+    film = read_film(path, rate, twin.pose, twin.at_rest(), max(last, 0.0))
+    if last <= 0 or first >= film.times[-1]:
+        raise StageError(
+            f"{log}: has times from {first:g} to {last:g} s, {path} from 0 to {film.times[-1]:g} s;"
+            " the film begins at t = 0 of its pressure: correct the times, or --rate"
+        )
+    return Stroke(film, log)
 
 
 def tip_of(outlines: FloatArray) -> FloatArray:

@@ -12,7 +12,18 @@ from postprocess.lab.pose import Pose
 from softfinger.identify import identify
 from softfinger.twin.film import Film, read_film
 from softfinger.twin.fit import Parameter, fit, independent_share
-from softfinger.twin.model import GROWTH, LOADS, LOSS, START, STIFF, Stroke, Twin, scaled, tip_of
+from softfinger.twin.model import (
+    GROWTH,
+    LOADS,
+    LOSS,
+    START,
+    STIFF,
+    Stroke,
+    Twin,
+    read_stroke,
+    scaled,
+    tip_of,
+)
 from tests.conftest import CASES
 
 SIZE, MM, ROOT = (480, 640), 0.25, (250.0, 79.0)  # px, mm, px with y down
@@ -98,6 +109,68 @@ def test_a_film_without_a_finger_is_one_sentence(tmp_path):
         read_film(tmp_path, None, twin.pose, twin.at_rest(), 1.0)
 
 
+def asked(folder, more):
+    """Films a and b of one finger, and another in c; identify with `more` options."""
+    (folder / "p.csv").write_text(RISE)
+    for name in "abc":
+        (folder / name).mkdir()
+        size = (100, 100) if name == "c" else SIZE
+        cv2.imwrite(str(folder / name / "f0.png"), np.full(size, 120, np.uint8))
+    given = {"film": [folder / "a"], "pressure": [folder / "p.csv"], "rate": 100.0, "scale": MM}
+    given |= {"root": "250,79", "output": folder / "twin"}
+    identify(CASES / "single_finger", **given | more(folder))
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    [
+        (lambda _: {"rate": 0.0}, "`rate` must be positive, got 0"),
+        (lambda _: {"rate": -100.0}, "`rate` must be positive, got -100"),
+        (lambda _: {"scale": -MM}, "--scale -0.25: give mm per pixel"),
+        (lambda _: {"scale": np.nan}, "--scale nan: give mm per pixel"),
+        (lambda _: {"root": "1.2.3,4"}, "give column and row of the root's middle"),
+        (lambda p: {"hold_out": p / "a", "pressure": [p / "p.csv"] * 2}, "two films have this nam"),
+        (lambda p: {"hold_out": p / "c", "pressure": [p / "p.csv"] * 2}, "films of different size"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence_before_anything_is_fitted(tmp_path, more, words):
+    """Rate 0 ended in a traceback; a negative rate or scale, or a film twice, was fitted."""
+    with pytest.raises(StageError, match=words):
+        asked(tmp_path, more=more)
+    assert not (tmp_path / "twin").exists()
+
+
+def test_a_film_ends_with_its_pressure_and_begins_on_its_clock(tmp_path):
+    twin, log = twin_of(), tmp_path / "p.csv"
+    log.write_text(RISE)
+    values = {p.name: p.prior for p in twin.parameters(["a"])}
+    filmed(tmp_path / "a", twin, values, log, count=40)
+    assert read_stroke(twin, tmp_path / "a", log, 100.0).film.unused == 8  # of 0.39 s after 0.31 s
+    log.write_text("t,p\n5,0\n5.1,9000\n5.2,9000\n")
+    with pytest.raises(
+        StageError, match=r"times from 5 to 5\.2 s, .* from 0 to 0\.39 s; the film beg"
+    ):
+        read_stroke(twin, tmp_path / "a", log, 100.0)
+    log.write_text("t,p\n-5,0\n-4.9,9000\n-4.8,9000\n")
+    with pytest.raises(StageError, match=r"times from -5 to -4\.8 s"):
+        read_stroke(twin, tmp_path / "a", log, 100.0)
+
+
+def test_pictures_of_12_bits_show_the_same_finger(tmp_path):
+    """Their grey levels were taken modulo 256."""
+    twin, log = twin_of(), tmp_path / "p.csv"
+    log.write_text(RISE)
+    values = {p.name: p.prior for p in twin.parameters(["a"])}
+    filmed(tmp_path / "a", twin, values, log, count=2)
+    (tmp_path / "b").mkdir()
+    for path in (tmp_path / "a").iterdir():
+        deep = 16 * cv2.imread(str(path), cv2.IMREAD_UNCHANGED).astype(np.uint16)
+        cv2.imwrite(str(tmp_path / "b" / path.name), deep)
+    shallow, deep = (read_stroke(twin, tmp_path / name, log, 100.0).film for name in "ab")
+    near = np.abs(shallow.distance) < 20
+    assert np.abs(deep.distance - shallow.distance)[near].max() < 1.5  # px, of a noisy edge
+
+
 @pytest.mark.slow
 def test_a_filmed_finger_is_found_again(tmp_path):
     """A rubber 20 % stiffer than the data sheet's; the held-out stroke goes to another pressure."""
@@ -121,5 +194,5 @@ def test_a_filmed_finger_is_found_again(tmp_path):
     twin = load_scene(folder, "draft")
     assert twin.structure.loss_factor == pytest.approx(by_name[LOSS]["value"], rel=1e-3)
     assert str(folder / "kinematics" / "states.h5") == str(twin.folder / twin.motion.states)
-    assert "foretold within" in (folder / "identify.html").read_text()
+    assert "predicted within" in (folder / "identify.html").read_text()
     assert len(tip_of(np.zeros((3, 9, 2)))) == 3
