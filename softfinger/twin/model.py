@@ -26,6 +26,7 @@ SCALE, ROOT_X, ROOT_Y, TURN, GROWTH = "scale", "root x", "root y", "turn", "grow
 START = "start of {}"  # a film's first picture on the pressure's clock
 _STEPS = 60  # of the first vibration
 _MOST_STEPS = 1500
+_KEPT = 100  # runs in memory, of 2 MB at most; the slopes of four films need half of them
 _UNSEEN = 0.1  # of the length, from the root on: the holder may hide it
 _EVERY = 3  # of the profile's points
 _TIP = (0.25, 0.5, 0.75)  # of the thickness: points of the tip's end
@@ -100,6 +101,8 @@ class Twin:
         key = (pressure, *(round(values.get(n, 1.0), 12) for n in (STIFF, LOADS, LOSS, MASS, DRAG)))
         if key not in self._runs:
             self._runs[key] = self._computed(values, pressure)
+            if len(self._runs) > _KEPT:
+                self._runs.pop(next(iter(self._runs)))  # the oldest
         return self._runs[key]
 
     def _computed(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
