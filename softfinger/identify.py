@@ -67,6 +67,11 @@ def identify(
     if not place:
         raise StageError(f"--root {root}: give column and row of the root's middle, as 320,80")
     loaded = load_scene(scene)
+    if loaded.motion.source not in ("fea", "structure") or not loaded.motion.states:
+        raise StageError(
+            f"{scene / 'scene.toml'}: motion.source = {loaded.motion.source!r} uses no bending"
+            " states, which are fitted; give a scene with motion.source = 'fea' or 'structure'"
+        )
     check_states(loaded)
     target = output or scene.with_name(f"{scene.name}_twin")
     if (target / "scene.toml").exists():
@@ -106,5 +111,6 @@ def identify(
         print(f"{row['name']:32s} {row['value']:9.4g}  {low:.4g} to {high:.4g}{doubt}")
     for warning in warnings(found):
         print(f"warning: {warning}")
+    print(f"outlines differ by {found.rms:.2f} px (RMS)")
     print(f"scene: {target}\nreport: {(target / 'identify.html').resolve()}")
     return target

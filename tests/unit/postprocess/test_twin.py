@@ -140,6 +140,15 @@ def test_a_wrong_option_is_one_sentence_before_anything_is_fitted(tmp_path, more
     assert not (tmp_path / "twin").exists()
 
 
+def test_a_scene_that_uses_no_bending_states_is_refused(tmp_path):
+    """Its twin was written, and its runs would not have used what was fitted."""
+    (tmp_path / "scene.toml").write_text(
+        f'extends = "{CASES / "single_finger"}"\n[motion]\nsource = "paper_equations"\n'
+    )
+    with pytest.raises(StageError, match="'paper_equations' uses no bending states"):
+        identify(tmp_path, film=[tmp_path], pressure=[tmp_path], scale=MM, root="1,2")
+
+
 def test_a_film_ends_with_its_pressure_and_begins_on_its_clock(tmp_path):
     twin, log = twin_of(), tmp_path / "p.csv"
     log.write_text(RISE)
