@@ -32,7 +32,7 @@ kinetic_energy?  step  J  of the rubber and of the water in the gaps
 damping_loss?  step  J  lost in the rubber
 loss_factor?  band  1  lowest and highest of the rubber, where the scene gives none
 largest_bend?  band  rad  in modelled water with these
-settled?  band  s  since when the bend then stays within 5 % of its rest at the last pressure
+settled?  band  s  time after which the bend stays within 5 % of its final value
 coupled  -  1  1: pressure and water made the motion; 0: it is prescribed
 unknown  -  -  why the motion in water is not known, as a sentence; empty where it is
 tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
@@ -46,7 +46,7 @@ first_order?  -  s  coupled: time for which the loads were continued to first or
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
-SETTLED = 0.05  # of the bend at rest
+SETTLED = 0.05  # of the final bend
 
 
 def _damping(values: Mapping[str, Any]) -> str:
@@ -56,11 +56,12 @@ def _damping(values: Mapping[str, Any]) -> str:
     (low, high), bend, settled = (
         np.asarray(values[name]) for name in ("loss_factor", "largest_bend", "settled")
     )
-    most, least = np.degrees(bend)
+    least, most = np.degrees(np.sort(bend))
+    soonest, latest = np.sort(settled)
     return (
         f" The rubber's loss factor is between {low:.2f} and {high:.2f}. In modelled water the"
-        f" largest bend is then {most:.1f} to {least:.1f}°, and the finger stays within"
-        f" {100 * SETTLED:.0f} % of its rest from {settled[0]:.2f} to {settled[1]:.2f} s on."
+        f" largest bend is then {least:.1f} to {most:.1f}°. The bend stays within"
+        f" {100 * SETTLED:.0f} % of its final value after {soonest:.2f} to {latest:.2f} s."
     ).replace("-", "−")
 
 

@@ -25,7 +25,8 @@ def make_report(files: StageFiles) -> Path:
     scene = files.numbers
     figures = FIGURES.read(index)
     middle = comparison["middle_of_stroke_s"]
-    error = trust.level_error([scene.folder, *scene.parents], files.level, middle)
+    parents, end = [scene.folder, *scene.parents], scene.motion.end_time
+    error = trust.level_error(parents, files.level, middle, end)
     trial = error.trial
     sections = _sections(figures["entries"], index.parent)
     slider = sections["slider"]
@@ -120,7 +121,8 @@ def outcome(scene: Scene) -> tuple[str, str]:
     """What a run has computed, and what it shows, of a run whose report is made."""
     out, files = scene.out, StageFiles(scene)
     comparison, run = COMPARISON.read(out / "comparison.json"), RUN.read(out / "run" / "run.json")
-    trial = trust.level_error([scene.folder, *scene.parents], scene.level).trial
+    middle, end = comparison["middle_of_stroke_s"], scene.motion.end_time
+    trial = trust.level_error([scene.folder, *scene.parents], scene.level, middle, end).trial
     seconds = sum(cost["wall_time"] for cost in _costs(files.out, run["wall_time"]))
     warning = run["power_balance"].get("warning")
     warned = f". Warning: {warning}" if warning else ""

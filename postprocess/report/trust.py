@@ -1,5 +1,6 @@
 """The numerical error of a level by windows of the stroke, as the study of the trade-off has it."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,10 +36,14 @@ class LevelError:
 
 
 def level_error(
-    scenes: list[Path], level: str, middle: tuple[float, float] | None = None
+    scenes: list[Path],
+    level: str,
+    middle: tuple[float, float] | None = None,
+    run_end: float = math.inf,
 ) -> LevelError:
     """The error of a level; `middle`: instants (s) of the middle of this scene's stroke.
 
+    Windows that begin after `run_end` (s) are left out, and the last one ends there.
     `scenes`: the scene's folder and those that it extends, nearest first; the first with
     studies/results that have the level counts. Windows of another scene are stretched to the pace
     of this one's stroke.
@@ -52,11 +57,15 @@ def level_error(
         table = pd.read_csv(path, comment="#") if path.exists() else None
         if table is None:
             continue
+        own = folder == scenes[0]
         windows = table[table["run"] == level].sort_values("start_s", ignore_index=True)
-        if len(windows) and windows["error"].notna().any():
-            own = folder == scenes[0]
-            if middle and not own:
-                windows = _stretched(windows, middle)
+        if middle and not own and len(windows):
+            windows = _stretched(windows, middle)
+        # a run that ends before the middle of the stroke has the errors of that
+        begun, ends = windows["start_s"] < run_end, windows["end_s"].clip(upper=run_end)
+        windows = windows.assign(end_s=ends.where(begun, windows["end_s"]))
+        windows = windows[begun | (windows.index == 0)]
+        if windows["error"].notna().any():
             name = folder.resolve().name
             said = _said(windows, table, name, level)
             if own:
@@ -76,7 +85,7 @@ def _stretched(windows: pd.DataFrame, middle: tuple[float, float]) -> pd.DataFra
 
 def _said(windows: pd.DataFrame, table: pd.DataFrame, scene: str, level: str) -> LevelError:
     known = {name: words for name, words in _ERRORS.items() if name in windows}
-    largest = windows["error"].fillna(float("inf"))  # of a vortex that was not found
+    unknown_as_large = windows["error"].fillna(math.inf)  # of a vortex that was not found
     parts = ", ".join(
         f"{_percent(error)} until {end:.3f}{NBSP}s"
         for error, end in zip(windows["error"], windows["end_s"], strict=True)
@@ -91,12 +100,13 @@ def _said(windows: pd.DataFrame, table: pd.DataFrame, scene: str, level: str) ->
         (f"{row['start_s']:.3f} to {row['end_s']:.3f}", [_percent(row[name]) for name in known])
         for _, row in windows.iterrows()
     ]
-    wrong = windows.index[largest > _HOLDS]
+    wrong = windows.index[unknown_as_large > _HOLDS]
     end = windows.loc[wrong[0], "start_s"] if len(wrong) else windows["end_s"].iloc[-1]
-    trial = f"those of level {level} are wrong by up to {100 * largest[0]:.0f}{NBSP}%"
+    most = 100 * windows["error"].max()
+    trial = f"those of level {level} are wrong by up to {most:.0f}{NBSP}%"
     return LevelError(
         f"Level {level} errs by at most {parts}: {against}, on scene {scene}.",
-        trial if largest[0] > _TRIAL else "",
+        trial if unknown_as_large.iloc[0] > _TRIAL else "",
         (list(known.values()), rows),
         float(end),
     )

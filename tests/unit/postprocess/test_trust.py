@@ -70,6 +70,16 @@ def test_another_scene_has_the_windows_at_the_pace_of_its_own_stroke(scene, tmp_
     assert "was not measured for this scene" in error.sentence
 
 
+def test_windows_end_with_the_run(scene, tmp_path):
+    """An own finger's stroke was called wrong at instants after its run."""
+    error = level_error([tmp_path / "child", scene], "draft", (0.2, 0.4), 0.5)
+    assert [window for window, _ in error.table[1]] == ["0.200 to 0.400", "0.400 to 0.500"]
+    assert "0.600" not in error.sentence
+    early = level_error([scene], "smoke", None, 0.05)
+    assert early.trial.endswith("wrong by up to 172\u00a0%")
+    assert early.table[1][0][0] == "0.100 to 0.200"
+
+
 def test_smoke_is_a_trial_also_of_a_scene_that_extends_the_measured_one(scene, tmp_path):
     error = level_error([tmp_path / "child", scene], "smoke")
     assert error.sentence.endswith(", on scene finger.")
