@@ -52,10 +52,10 @@ def make(
     text = f"{output}: {len(table)} {vortices} in {tracks} track{'s' * (tracks != 1)}"
     if table["circulation"].notna().any():
         strongest = table.loc[table["circulation"].abs().idxmax()]
-        unit = circulation_unit(length)
+        unit, std = circulation_unit(length), strongest["circulation_std"]
         text += (
             f"; the strongest has a circulation of {strongest['circulation']:.3g}"
-            f" ± {strongest['circulation_std']:.2g} {unit}"
+            f" ± {float(f'{std:.2g}'):g} {unit}"
         )
         radius = strongest["circulation_radius"]
         text += (
