@@ -81,7 +81,8 @@ def compare_with(
         kinematics = read_kinematics(motion)
         kinematics = over_bend(kinematics) if scene.coupled else kinematics
         runs = _beside(run, beside if inputs else (), machine)
-        cases, levels = [], level_windows([scene.folder, *scene.parents], _plane(run))
+        parents = [scene.folder, *scene.parents]
+        cases, levels = [], level_windows(parents, scene.level, _plane(run))
         for dpiv, name in zip(dpivs, names, strict=True):
             bend_std = _fea_band(dpiv, kinematics, motion)
             (labs / name).mkdir(exist_ok=True)
@@ -105,7 +106,7 @@ def compare_with(
             "scene": scene.name,
             "level": scene.level,
             "plane": _plane(run),
-            "numerics": level_error([scene.folder, *scene.parents], scene.level).sentence,
+            "numerics": level_error(parents, scene.level).sentence,
         }
         result["provenance"] |= {"versions": versions(*LIBRARIES), "seed": SEED}
         if not quick:

@@ -8,7 +8,6 @@ from operator import getitem
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError
 
@@ -21,9 +20,9 @@ from postprocess.lab.dpiv_toml import Positive, Table
 
 UNIFORM = 3**-0.5  # standard deviation over the half-width of a uniform distribution
 ERRORS = {"circulation": "error_circulation", "centre": "error_centre"}
-# of level smoke, a plane flow, where nothing was measured: single_finger's; and of a vortex that a
-# level does not have
-PLANE, LOST = {"circulation": 0.32, "centre": 0.07}, 1.0
+LOST = 1.0  # error of a vortex that a level does not have
+LEVELS = ("smoke", "draft", "coarse", "medium", "fine", "reference")  # the first is a plane flow
+MEASURED = Path(__file__).parents[2] / "cases" / "single_finger"  # plane flow against whole ones
 EMPTY = pd.DataFrame(columns=["run", "start_s", "end_s", *ERRORS])
 
 
@@ -83,22 +82,25 @@ def read_inputs(scene_folder: Path) -> tuple[Input, ...]:
         raise StageError(f"{path}: {'; '.join(complaints(error.errors(), Inputs))}") from None
 
 
-def level_windows(scenes: list[Path], plane: bool) -> pd.DataFrame:
+def level_windows(scenes: list[Path], level: str, plane: bool) -> pd.DataFrame:
     """Relative standard uncertainties by `run` (a level) and window of time, coarsest level first.
 
     Columns `start_s`, `end_s` and one by quantity, of places over the tip's width; none of a level
     that was not measured. `scenes`: the scene's folder and those that it extends, nearest first;
-    the first with studies/results counts. `plane`: whether the run's flow is plane.
+    the first with studies/results counts. A `plane` flow errs at any level as the plane level does,
+    in a scene without a study as in `MEASURED`.
     """
-    for folder in scenes:
+    for folder in [*scenes, MEASURED] if plane else scenes:
         if (path := folder / "studies" / "results" / "errors.csv").exists():
             table = pd.read_csv(path, comment="#")
             table = table[table.groupby("run")["error"].transform("count") > 0]
+            if plane:
+                flat = table[table["run"] == LEVELS[0]].assign(run=level)
+                table = pd.concat([flat, table[table["run"] != level]])
             known = {name: UNIFORM * table[of].fillna(LOST) for name, of in ERRORS.items()}
-            return table.assign(**known)[list(EMPTY)].reset_index(drop=True)
-    if not plane:
-        return EMPTY
-    return pd.DataFrame([{"run": "smoke", "start_s": 0.0, "end_s": np.inf, **PLANE}])
+            table = table.assign(**known)[list(EMPTY)]
+            return pd.concat([table[table["run"] == one] for one in LEVELS])
+    return EMPTY
 
 
 def level_uncertainty(

@@ -278,7 +278,7 @@ def _level(result: dict[str, Any], flow: list[Quantity]) -> str:
         if least <= TOO_UNCERTAIN and level != result["level"]:
             found = f"errors above {100 * least:.0f}{PER_CENT} would be found"
             return f"{text}: compare at LEVEL={level} or finer ({found})."
-    return f"{text}: compare at LEVEL=coarse."
+    return f"{text}; no level whose error was measured decides it at these instants."
 
 
 def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:

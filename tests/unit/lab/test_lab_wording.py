@@ -90,6 +90,8 @@ def test_a_level_whose_own_error_hides_the_flow_names_the_level_that_decides():
     assert "is a plane flow, and its own numerical error hides" in answer(made)
     made["levels"] |= {"draft": {"circulation": 0.12}, "coarse": {"circulation": 0.02}}
     assert "compare at LEVEL=coarse or finer (errors above 8\u00a0% would be found)" in answer(made)
+    made["levels"] |= {"coarse": {"circulation": 0.12}}
+    assert "no level whose error was measured decides it" in answer(made)
 
 
 def test_water_that_is_slower_at_every_instant_points_to_the_interval_first():
