@@ -25,6 +25,14 @@ loss_factor = {loss}
 _VALUE = "{value:.4g} ({band[0]:.4g} to {band[1]:.4g})"
 
 
+def _pixel(place: str) -> tuple[float, float]:
+    """Return column and row in px of `place`, as 320,80; raises StageError for other text."""
+    found = re.fullmatch(r"\s*(\d+\.?\d*)\s*,\s*(\d+\.?\d*)\s*", place)
+    if not found:
+        raise StageError(f"--root {place}: give column and row of the root's middle, as 320,80")
+    return float(found[1]), float(found[2])
+
+
 def identify(
     scene: SceneFolder,
     *,
@@ -63,9 +71,7 @@ def identify(
         raise StageError(f"{twice}: two films have this name; rename one, or give another")
     if not 0 < scale < math.inf:
         raise StageError(f"--scale {scale:g}: give mm per pixel, as 0.25")
-    place = re.fullmatch(r"\s*(\d+\.?\d*)\s*,\s*(\d+\.?\d*)\s*", root)
-    if not place:
-        raise StageError(f"--root {root}: give column and row of the root's middle, as 320,80")
+    column, y_down = _pixel(root)
     loaded = load_scene(scene)
     if loaded.motion.source not in ("fea", "structure") or not loaded.motion.states:
         raise StageError(
@@ -79,7 +85,7 @@ def identify(
     shapes = [shape_of(path) for path in films]
     if len(set(shapes)) > 1:
         raise StageError(f"films of different sizes, {shapes}; give films of one camera that rests")
-    at = float(place[1]), shapes[0][0] - 1 - float(place[2])
+    at = column, shapes[0][0] - 1 - y_down
     twin = Twin(loaded, Pose(scale, 0.0, loaded.finger.root, at), air)
     strokes = [read_stroke(twin, *each, rate) for each in zip(films, pressure, strict=True)]
     for one in strokes:
