@@ -33,6 +33,13 @@ def _pixel(place: str) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
+def _different_names(films: list[Path]) -> None:
+    """Raise StageError where two of `films` have one name, by which results are kept."""
+    names = [path.name for path in films]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise StageError(f"{twice}: two films have this name; rename one, or give another")
+
+
 def identify(
     scene: SceneFolder,
     *,
@@ -66,9 +73,7 @@ def identify(
     films = [*film, *([hold_out] if hold_out else [])]
     if len(films) != len(pressure):
         raise StageError(f"{len(films)} films and {len(pressure)} --pressure: give one for each")
-    names = [path.name for path in films]
-    if twice := next((name for name in names if names.count(name) > 1), ""):
-        raise StageError(f"{twice}: two films have this name; rename one, or give another")
+    _different_names(films)
     if not 0 < scale < math.inf:
         raise StageError(f"--scale {scale:g}: give mm per pixel, as 0.25")
     column, y_down = _pixel(root)
