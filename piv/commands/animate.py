@@ -9,9 +9,9 @@ import numpy as np
 from tqdm import tqdm
 
 from piv.commands.plot import add_style, style_of
-from piv.commands.settings import add_paths, at_least, positive
 from piv.fields.summary import summary
 from piv.files.atomic import write_bytes
+from piv.files.settings import add_paths, at_least, positive
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import checked
 from piv.formats.vortex_table import read_vortices

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from piv.commands.settings import report
+from piv.fields.summary import summary_of
 from piv.files.atomic import write_bytes
 from piv.formats.plane_series import read_checked_plane, write_plane
 from piv.images.calibration import (
@@ -149,4 +149,4 @@ def _apply(args: argparse.Namespace) -> None:
         text = "through a lens the vectors alone are taken; left out"
         print(f"{args.output}: {text}: {', '.join(lost)}", file=sys.stderr)
     if not args.quiet:
-        report(args.output)
+        print(summary_of(args.output))

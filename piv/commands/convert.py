@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from piv.commands.settings import at_least, positive
 from piv.fields.summary import summary
+from piv.files.settings import at_least, positive
 from piv.foreign.read import READERS, read_vectors
 from piv.foreign.write import write_vectors
 from piv.formats.plane_series import OUTLIER, VECTORS

@@ -5,8 +5,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from piv.commands.settings import add_fields, report, run_with
 from piv.correlation.options import Options
+from piv.fields.summary import summary_of
+from piv.files.settings import add_fields, run_with
 from piv.images.image_files import COLOURS
 from piv.images.recordings.double_frames import LAYOUTS
 from piv.sequence.correlate import RecordingCamera, correlate_to
@@ -76,7 +77,7 @@ def make(
     sources = [source] if isinstance(source, str | Path) else source
     path = correlate_to(sources, output, {"threads": threads} | settings, quiet=quiet)
     if not quiet:
-        report(path)
+        print(summary_of(path))
 
 
 run = partial(run_with, make)

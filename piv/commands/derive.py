@@ -2,9 +2,9 @@
 
 import argparse
 
-from piv.commands.settings import add_paths
 from piv.fields.derived import QUANTITIES, derived, derived_blocks
 from piv.fields.summary import summary
+from piv.files.settings import add_paths
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import read_plane, write_plane
 from piv.formats.plane_writer import write_blocks

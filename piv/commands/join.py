@@ -2,7 +2,7 @@
 
 import argparse
 
-from piv.commands.settings import report
+from piv.fields.summary import summary_of
 from piv.sequence.chunks import join, parts_of
 
 
@@ -20,4 +20,4 @@ def run(args: argparse.Namespace) -> None:
         for part in parts:
             part.unlink()
     if not args.quiet:
-        report(path)
+        print(summary_of(path))

@@ -9,9 +9,9 @@ import numpy as np
 from numpy import ndarray
 from tqdm import tqdm
 
-from piv.commands.settings import at_least, positive
 from piv.files.atomic import write_bytes
 from piv.files.hdf5 import open_netcdf
+from piv.files.settings import at_least, positive
 from piv.formats.recording import pixel_of
 from piv.images.clock import INTERVAL_HELP, RATE_HELP, set_clock
 from piv.images.file_names import PAIRINGS

@@ -5,9 +5,9 @@ import io
 
 import numpy as np
 
-from piv.commands.settings import add_paths, at_least, positive
 from piv.fields.summary import summary
 from piv.files.atomic import write_bytes
+from piv.files.settings import add_paths, at_least, positive
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import checked, usable
 from piv.formats.vortex_table import read_vortices

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from piv.commands.settings import add_paths, run_with
+from piv.files.settings import add_paths, run_with
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import Planes, fields_of
 from piv.formats.plane_writer import write_blocks

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from piv.commands.settings import add_paths
 from piv.fields.circles import around
 from piv.fields.lines import along_line
 from piv.files.atomic import whole
+from piv.files.settings import add_paths
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import circulation_unit, units_of
 

@@ -5,8 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from piv.commands.settings import add_fields, add_paths, run_with
-from piv.files.settings import build
+from piv.files.settings import add_fields, add_paths, build, run_with
 from piv.foreign.read import open_vectors
 from piv.images.open_recording import open_recording
 from piv.synthetic.camera import Camera, Seeding

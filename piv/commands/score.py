@@ -11,9 +11,9 @@ import pandas as pd
 import xarray as xr
 
 from piv.commands.convert import add_reading, reading
-from piv.commands.settings import positive
 from piv.files.atomic import write_text
-from piv.foreign.read import kind_of, read_vectors
+from piv.files.settings import positive
+from piv.foreign.read import read_vectors
 from piv.formats.plane_series import read_plane
 from piv.synthetic.score import score
 
@@ -45,13 +45,7 @@ def _vectors(args: argparse.Namespace, truth: xr.Dataset) -> xr.Dataset:
     known = {n: truth.attrs.get(n) for n in ("scale_mm_per_px", "interval", "image_rows")}
     if truth.sizes.get("time", 1) > 1:
         known["rate"] = 1 / float(truth["time"][1] - truth["time"][0])
-    if (args.kind or kind_of(Path(args.vectors[0]))) == "plane":
-        with read_plane(args.vectors[0]) as own:
-            pixels = own["x"].attrs.get("units") == "px"
-        known = {n: v for n, v in known.items() if pixels and n != "image_rows"}
-    stated = reading(args)
-    stated |= {n: v for n, v in known.items() if stated[n] is None}
-    vectors = read_vectors(args.vectors, **stated).load()
+    vectors = read_vectors(args.vectors, **reading(args), assumed=known).load()
     if vectors["x"].attrs.get("units") == "px":
         raise ValueError(
             f"{args.vectors[0]}: is in px, and the truth states neither scale nor interval; give"

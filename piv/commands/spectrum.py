@@ -2,9 +2,9 @@
 
 import argparse
 
-from piv.commands.settings import add_paths
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.files.atomic import write_text
+from piv.files.settings import add_paths
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import units_of
 

@@ -7,10 +7,10 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
-from piv.commands.settings import add_paths, at_least
 from piv.fields.groups import at_instants, bins, phases, trigger_phases
 from piv.fields.statistics import statistics
 from piv.fields.summary import summary
+from piv.files.settings import add_paths, at_least
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import absent, write_plane
 from piv.formats.user_tables import read_columns

@@ -8,8 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from piv.commands.settings import add_fields, add_paths, run_with
-from piv.files.settings import build
+from piv.files.settings import add_fields, add_paths, build, run_with
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import circulation_unit, units_of
 from piv.formats.vortex_table import write_vortices

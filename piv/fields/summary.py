@@ -1,9 +1,12 @@
 """What a file of vectors holds, in a line."""
 
+from pathlib import Path
+
 import numpy as np
 import xarray as xr
 
-from piv.formats.plane_series import Planes, absent, usable, vectors_of
+from piv.files.errors import as_flags
+from piv.formats.plane_series import Planes, absent, read_plane, usable, vectors_of
 
 _INSTANTS = 50  # of a longer series, evenly chosen: the line is to be there at once
 
@@ -40,7 +43,13 @@ def summary(plane: xr.Dataset) -> str:
     if std.size:
         text += f"; standard uncertainty median {np.median(std):.2g} {unit}"
     if "background=static" in str(plane.attrs.get("settings", "")):
-        text += "; static background taken off (preprocess = none keeps it)"
+        text += as_flags("; static background taken off (`preprocess = none` keeps it)")
     if chosen.size < present.size:
         text += f" (measured on {chosen.size} of them, evenly chosen)"
     return text
+
+
+def summary_of(path: str | Path) -> str:
+    """Return the name of a file of vectors and its `summary`."""
+    with read_plane(path) as plane:
+        return f"{path}: {summary(plane)}"

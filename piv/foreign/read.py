@@ -1,7 +1,8 @@
 """From other programs' vectors to plane series."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ _SUFFIXES = {
 }  # fmt: skip
 READERS = tuple(_SUFFIXES)
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+_ROWS = "omit `image_rows`, which is of files that count px downwards"
+_SINGLE = "holds a single instant; omit `rate`, which is of a series"
 _VELOCITIES = [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")]
 
 
@@ -43,7 +46,7 @@ def to_plane(
     Displacements in px stay px unless scale and interval are known, or one of them is stated: then
     both are needed. Lengths per frame need the interval; px with y down need `image_rows`, the
     height of the image, because 0 is to be its bottom row. ValueError names the missing option, and
-    refuses an option that contradicts the file.
+    refuses an option that contradicts the file or that is not used.
     """
     stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
     length, velocity, direction = _agreed(
@@ -59,6 +62,12 @@ def to_plane(
     interval = _number(name, "interval", vectors.interval, interval)
     rows = _number(name, "image_rows", vectors.image_rows, image_rows)
     pixels = (length, velocity) == ("px", "px/frame") and not wanted and not (scale and interval)
+    if scale_mm_per_px is not None and not velocity.startswith("px") and length != "px":
+        raise ValueError(
+            f"{name}: is in {length} and {velocity}; omit `scale_mm_per_px`, which is of px"
+        )
+    if image_rows is not None and (length, direction) != ("px", "down"):
+        raise ValueError(f"{name}: {_ROWS}")
 
     def factor(unit: str) -> float:
         if pixels:
@@ -149,6 +158,7 @@ def read_vectors(
     rate: float | None = None,
     keep_replaced: bool = False,
     zero_is_absent: bool = False,
+    assumed: Mapping[str, Any] | None = None,
     **units: Any,
 ) -> xr.Dataset:
     """Read vectors of any program: one file as a plane, several as a series, in SI or px.
@@ -166,6 +176,8 @@ def read_vectors(
         Whether vectors that PIVlab interpolated are kept, with flag 4.
     zero_is_absent
         Whether vectors of exactly (0, 0) are masked.
+    assumed
+        `rate` and numbers of `units` that are taken where the files need them and state none.
     units
         length_unit, velocity_unit, y_axis ("up" or "down"), scale_mm_per_px, interval (s between
         the exposures), image_rows (of px that count downwards), where the files do not state them.
@@ -178,7 +190,7 @@ def read_vectors(
     Raises
     ------
     ValueError, FileNotFoundError
-        With the names of the options that are missing, or that contradict the file.
+        With the names of the options that are missing, not used, or that contradict the file.
 
     Examples
     --------
@@ -208,21 +220,26 @@ def read_vectors(
             raise ValueError(
                 f"{files[0]}: `keep_replaced` and `zero_is_absent` are of other programs' files"
             )
-        return _in_units(checked(read_plane(files[0]), files[0]), str(files[0]), rate, **units)
+        plane = checked(read_plane(files[0]), files[0])
+        return _in_units(plane, str(files[0]), rate, assumed or {}, **units)
     if keep_replaced and kind in ("davis", "pivpy"):
         raise ValueError(f"{files[0]}: `keep_replaced` is of PIVlab's files")
     files.sort(key=natural_key)
     planes, names, times = [], [], []
+    known = {n: v for n, v in (assumed or {}).items() if n != "rate" and units.get(n) is None}
     for path in files:
         for vectors in _instants(path, kind, keep_replaced):
             if zero_is_absent:
                 vectors.flag[(vectors.u == 0) & (vectors.v == 0)] = 2
-            planes.append(to_plane(vectors, str(path), **units))
+            lacks = {n: v for n, v in known.items() if getattr(vectors, n) is None}
+            planes.append(to_plane(replace(vectors, **lacks), str(path), **units))
             names.append(path)
             times.append(vectors.time)
     first = planes[0]
     attrs = first.attrs | {"source": "lab", "imported_from": json.dumps([p.name for p in files])}
     if len(planes) == 1:
+        if rate is not None:
+            raise ValueError(f"{files[0]}: {_SINGLE}")
         return first.assign_attrs(attrs)
     for path, plane in zip(names, planes, strict=True):
         for axis in ("x", "y"):
@@ -231,7 +248,7 @@ def read_vectors(
     stack = {n: np.stack([p[n].values for p in planes]) for n in ("u", "v", "valid", "flag")}
     pixels = first["x"].attrs["units"] == "px"
     try:
-        time, unit = _times(times, rate, pixels)
+        time, unit = _times(times, rate, pixels, (assumed or {}).get("rate"))
     except ValueError as error:
         raise ValueError(f"{files[0]}: {error}") from None
     series = make_plane(first["x"].values, first["y"].values, time=time, **stack)
@@ -259,8 +276,10 @@ def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterator[Vectors]:
     return read(path, keep_replaced=keep_replaced)
 
 
-def _times(times: list[float | None], rate: float | None, pixels: bool) -> tuple[ndarray, str]:
-    """Times of instants and their unit: the files' own, else of `rate` (Hz), else frames.
+def _times(
+    times: list[float | None], rate: float | None, pixels: bool, assumed: float | None
+) -> tuple[ndarray, str]:
+    """Times of instants and their unit: the files' own, else of a rate (Hz), else frames.
 
     ValueError where `rate` contradicts the files, and where vectors in m/s have no times.
     """
@@ -270,14 +289,16 @@ def _times(times: list[float | None], rate: float | None, pixels: bool) -> tuple
             own = 1 / float(np.diff(stated).mean())
             raise ValueError(f"`rate` {rate:g} contradicts its own times, {own:.6g} Hz in the mean")
         return stated, "s"
-    if rate is not None:
+    if rate := rate or assumed:
         return np.arange(len(times)) / rate, "s"
     if not pixels:
         raise ValueError(f"{len(times)} instants are a series in time; give `rate`")
     return np.arange(len(times), dtype=float), "frame"
 
 
-def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) -> xr.Dataset:
+def _in_units(
+    plane: xr.Dataset, name: str, rate: float | None, assumed: Mapping[str, Any], **units: Any
+) -> xr.Dataset:
     """A file of this project in what the caller states; ValueError for what contradicts it."""
     length, velocity = units_of(plane)
     stated = {"length_unit": length, "velocity_unit": velocity, "y_axis": "up"}
@@ -286,7 +307,13 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
     _agreed(name, {key: (value, units.get(key), [value]) for key, value in stated.items()})
     scale, interval = units.get("scale_mm_per_px"), units.get("interval")
     if units.get("image_rows") is not None:
-        raise ValueError(f"{name}: `image_rows` is of files that count px downwards")
+        raise ValueError(f"{name}: {_ROWS}")
+    if length == "px":
+        scale = scale or assumed.get("scale_mm_per_px")
+        if "interval" not in plane.attrs:
+            interval = interval or assumed.get("interval")
+        if "time" in plane.dims and plane["time"].attrs.get("units") != "s":
+            rate = rate or assumed.get("rate")
     if scale is None and interval is None and rate is None:
         return plane
     if length != "px":
@@ -295,6 +322,8 @@ def _in_units(plane: xr.Dataset, name: str, rate: float | None, **units: Any) ->
         )
     if scale is None:
         raise ValueError(f"{name}: is in px; give `scale_mm_per_px` too")
+    if rate is not None and "time" not in plane.dims:
+        raise ValueError(f"{name}: {_SINGLE}")
     try:
         return calibrate_plane(plane, Calibration(scale), interval, rate)
     except ValueError as error:

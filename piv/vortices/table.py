@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future
@@ -16,6 +17,7 @@ from tqdm import tqdm
 from piv.files.child_process import worker_pool
 from piv.formats.plane_series import VECTORS, Planes, absent, check_vectors, units_of, usable
 from piv.formats.vortex_table import COLUMNS
+from piv.images.file_names import PAIRINGS
 from piv.vortices.find import VortexSettings, find_vortices
 from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker, TrackingSettings
@@ -100,12 +102,21 @@ def tabulate_vortices(
 
 
 def fastest(plane: xr.Dataset) -> float:
-    """Largest speed of a plane's usable vectors, in its length over s; inf in other units."""
+    """Largest speed of a plane's usable vectors, in its length over its time; inf if not known.
+
+    Vectors in px are displacements over the time between two exposures. Where the file counts
+    frames, that time is known of the pairing of neighbours alone.
+    """
     length, velocity = units_of(plane)
-    known = usable(plane)
-    if velocity != f"{length}/s" or not known.any():
+    known, apart = usable(plane), 1.0
+    if velocity != f"{length}/s":
+        made = json.loads(plane.attrs.get("settings", "{}"))
+        neighbours = 1 + made.get("skip", 0) if made.get("pairing") == PAIRINGS[0] else np.nan
+        in_seconds = "time" in plane.coords and plane["time"].attrs.get("units") == "s"
+        apart = float(plane.attrs.get("interval", np.nan)) if in_seconds else neighbours
+    if not (known.any() and np.isfinite(apart)):
         return float("inf")
-    return float(np.nanmax(np.where(known, np.hypot(plane["u"], plane["v"]), np.nan)))
+    return float(np.nanmax(np.where(known, np.hypot(plane["u"], plane["v"]), np.nan))) / apart
 
 
 def _bridged(track: pd.DataFrame, times: list[float]) -> pd.DataFrame:

@@ -138,7 +138,7 @@ def test_static_background_is_taken_off_where_particles_pass_and_particles_at_re
     assert clean.steps == ["background=static"]
     options = Options(spacing=32), SequenceOptions(every=7)
     with read_plane(correlate_recording(streaks, tmp_path / "v.h5", *options)) as plane:
-        assert "static background taken off" in summary(plane)
+        assert "taken off (`preprocess = none` keeps it)" in summary(plane)
     near = cv2.dilate((still > 30).astype(np.uint8), np.ones((17, 17), np.uint8)) > 0
 
     def wrong(image, mask):

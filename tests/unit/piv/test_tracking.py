@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from piv.formats.plane_series import make_plane
+from piv.formats.plane_series import make_plane, provenance
+from piv.vortices.table import fastest
 from piv.vortices.tip_frame import place_at_tip
 from piv.vortices.tracking import Tracker
 from piv.vortices.vortex import Vortex
@@ -55,6 +56,24 @@ def test_a_track_never_goes_on_with_another_vortex(other, fastest, same):
     tracker = Tracker()
     assert tracker.update(0.0, [at(0, 0)], fastest) == [0]
     assert tracker.update(1.0, [other], fastest) == [0 if same else 1]
+
+
+@pytest.mark.parametrize(
+    "unit, attrs, speed",
+    [
+        ("frame", provenance(pairing="1-2,2-3", skip=1), 1.5),  # 3 px in two frames
+        ("frame", provenance(pairing="1-2,3-4", skip=0), np.inf),  # the pairs' distance is unknown
+        ("frame", {}, np.inf),
+        ("s", provenance(pairing="1-2,3-4", skip=0) | {"interval": 0.5}, 6.0),
+    ],
+)
+def test_the_largest_speed_is_known_of_vectors_in_px(unit, attrs, speed):
+    """Tracks were limited by it in m/s alone."""
+    plane = make_plane(np.arange(3.0), np.arange(3.0), np.full((3, 3), 3.0), np.zeros((3, 3)))
+    plane = plane.assign_coords(time=((), 0.0, {"units": unit})).assign_attrs(attrs)
+    for name in ("x", "y", "u", "v"):
+        plane[name].attrs["units"] = "px"
+    assert fastest(plane) == speed
 
 
 def test_a_vortex_at_the_edge_is_followed_on_a_track_of_its_own():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from piv import read_vectors
+from piv import make_plane, read_vectors
+from piv.formats.plane_series import write_plane
 from tests import pivlab_session
 
 X, Y = np.meshgrid(np.arange(16.0, 80, 16), np.arange(16.0, 64, 16))
@@ -98,3 +99,31 @@ def test_a_saved_session_of_pivlab(tmp_path):
     np.testing.assert_allclose(series["y"], [15e-4, 23e-4])
     with pytest.raises(ValueError, match=r"`interval` 0.004 contradicts the file"):
         read_vectors(path, rate=10.0, interval=0.004)
+
+
+@pytest.mark.parametrize(
+    "option, text",
+    [
+        ({"scale_mm_per_px": 0.1}, "is in mm and m/s; omit `scale_mm_per_px`, which is of px"),
+        ({"image_rows": 80}, "omit `image_rows`, which is of files that count px downwards"),
+        ({"rate": 15.0}, "holds a single instant; omit `rate`, which is of a series"),
+    ],
+)
+def test_what_a_file_in_mm_cannot_use_is_refused(tmp_path, option, text):
+    path = tmp_path / "Run1.vec"
+    path.write_text(INSIGHT.format("mm", "m/s", 0, "") + rows("%f, %f, %f, %f, %d", 0 * X + 1))
+    with pytest.raises(ValueError, match=text):
+        read_vectors(path, **option)
+    assumed = {"scale_mm_per_px": 1.0, "image_rows": 8, "rate": 1.0, "interval": 1.0} | option
+    plane = read_vectors(path, assumed=assumed)  # as piv score takes them of the truth
+    np.testing.assert_allclose(plane["y"], Y[:, 0] * 1e-3)
+    assert plane.attrs["interval"] == pytest.approx(0.002)
+
+
+def test_a_single_plane_of_ours_has_no_rate(tmp_path):
+    plane = make_plane(X[0], Y[:, 0], U, V)
+    for name in ("x", "y", "u", "v"):
+        plane[name].attrs["units"] = "px"
+    write_plane(plane, tmp_path / "a.h5")
+    with pytest.raises(ValueError, match="holds a single instant; omit `rate`"):
+        read_vectors(tmp_path / "a.h5", scale_mm_per_px=0.1, interval=0.002, rate=5.0)
