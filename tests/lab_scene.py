@@ -16,19 +16,30 @@ from piv.formats.plane_series import make_plane
 from postprocess.lab.silhouette import left_of
 from tests.conftest import CASES
 
-VECTORS = """format = "dpiv"
-format_version = 4
-title = "vectors"
-kind = "vectors"
-files = "v.h5"
-frame_rate_hz = {rate:g}
-start = {{ at_s = 0.05, std_s = 0.001 }}
-finger_geometry = "measured"
-scale = {{ scale_mm_per_px = 0.25, std_percent = 0.5 }}
-axes = {{ y = "up", root_mm = [{x!r}, {y!r}], root_std_mm = 0.3, turn_std_deg = 0.5 }}
-piv = {{ window = 24, spacing = 8, interval_s = 0.002 }}
-vectors = {{ std_px = 0.05 }}
-"""
+# dpiv.toml of pictures and of vectors: TOML by key
+PICTURES = {
+    "format": '"dpiv"',
+    "format_version": "4",
+    "title": '"a recording"',
+    "kind": '"pictures"',
+    "files": '"a.h5"',
+    "frame_rate_hz": "50.0",
+    "start": '"from motion"',
+    "finger_geometry": '"measured"',
+    "finger_length_std_mm": "0.0",
+    "scale": "{ scale_mm_per_px = 0.4, std_percent = 1.0 }",
+    "axes": '{ y = "up", root_px = [150.0, 270.0] }',
+    "piv": '{ window = 24, spacing = 8, pairing = "1-2,3-4", interval_s = 0.002 }',
+}
+VECTORS = {k: v for k, v in PICTURES.items() if k != "finger_length_std_mm"} | {
+    "kind": '"vectors"',
+    "files": '"v.h5"',
+    "start": "{ at_s = 0.05, std_s = 0.001 }",
+    "scale": "{ scale_mm_per_px = 0.25, std_percent = 0.5 }",
+    "axes": '{ y = "up", root_mm = [20.0, 15.0], root_std_mm = 0.3, turn_std_deg = 0.5 }',
+    "piv": "{ window = 24, spacing = 8, interval_s = 0.002 }",
+    "vectors": "{ std_px = 0.05 }",
+}
 CASE = CASES / "single_finger"
 
 
@@ -39,12 +50,19 @@ def finger_kinematics(folder: Path, overrides: dict[str, Any] | None = None) -> 
     return read_kinematics(path)
 
 
-def state_vectors(plane: xr.Dataset, folder: Path, root=(20.0, 15.0)) -> Path:
-    """A folder of vectors with their dpiv.toml; `root` (mm) in the plane's axes."""
+def state(folder: Path, keys: dict[str, str]) -> Path:
+    """A folder with a dpiv.toml of these keys."""
     folder.mkdir(exist_ok=True)
+    (folder / "dpiv.toml").write_text("".join(f"{k} = {v}\n" for k, v in keys.items()))
+    return folder
+
+
+def state_vectors(plane: xr.Dataset, folder: Path, root=(20.0, 15.0), **more: str) -> Path:
+    """A folder of vectors with their dpiv.toml; `root` (mm) in the plane's axes."""
+    rate = f"{1 / float(plane['time'][1] - plane['time'][0]):g}"
+    axes = VECTORS["axes"].replace("20.0, 15.0", f"{root[0]!r}, {root[1]!r}")
+    state(folder, VECTORS | {"frame_rate_hz": rate, "axes": axes} | more)
     write_vectors(plane, folder / "v.h5")
-    rate = 1 / float(plane["time"][1] - plane["time"][0])
-    (folder / "dpiv.toml").write_text(VECTORS.format(x=root[0], y=root[1], rate=rate))
     return folder
 
 

@@ -19,7 +19,7 @@ from postprocess.lab.inputs import EMPTY
 from postprocess.lab.pose import Pose, camera_series
 from softfinger import laboratory as command
 from softfinger.make import Machine
-from tests.lab_scene import CASE, state_vectors, vortex_series
+from tests.lab_scene import CASE, PICTURES, state, state_vectors, vortex_series
 
 INPUTS = """format = "inputs"
 format_version = 2
@@ -29,19 +29,6 @@ key = "motion.strokes.0.pressure_kpa"
 step = 1.0
 limit = 0.2
 reason = "sensor"
-"""
-PICTURES = """format = "dpiv"
-format_version = 4
-title = "recorded"
-kind = "pictures"
-files = "a.h5"
-frame_rate_hz = 50.0
-start = "from motion"
-finger_geometry = "measured"
-finger_length_std_mm = 0.0
-scale = { scale_mm_per_px = 0.4, std_percent = 1.0 }
-axes = { y = "up", root_px = [150.0, 270.0] }
-piv = { window = 24, spacing = 8, pairing = "1-2,3-4", interval_s = 0.002 }
 """
 TIMES = np.linspace(0.0, 0.42, 43)
 SPACING = 2e-3
@@ -121,9 +108,7 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
 def test_vectors_without_a_clock_are_compared_from_their_onset(run, tmp_path):
     """They begin 50 ms late; known to a few ms by what the analytic flow grows."""
     plane, root = measured_by(run)
-    folder = state_vectors(plane, tmp_path / "onset", root)
-    text = (folder / "dpiv.toml").read_text()
-    (folder / "dpiv.toml").write_text(text.replace("{ at_s = 0.05, std_s = 0.001 }", '"from flow"'))
+    folder = state_vectors(plane, tmp_path / "onset", root, start='"from flow"')
     result, _, _ = compared(run, folder)
     found = result["registration"]
     assert found["delay_ms"] == pytest.approx(-50.0, abs=max(5.0, 3 * found["delay_std_ms"]))
@@ -185,7 +170,7 @@ def test_a_recording_of_another_pressure_is_compared(run, tmp_path):
         for k in range(len(film)):
             out.write(k, film.frame(k))
         out.finish()
-    (folder / "dpiv.toml").write_text(PICTURES)
+    state(folder, PICTURES)
     quick = command.compare_with(run, [folder], Machine(), inputs=True, quick=True, quiet=True)
     assert "Motion: no. Flow: not tested." in quick.read_text()
     result, quantities, first = compared(run, folder)

@@ -6,20 +6,13 @@ import pytest
 
 from piv.images.open_recording import files_of
 from postprocess.lab.dpiv_toml import read_dpiv
+from tests.lab_scene import PICTURES, VECTORS
 
-WHOLE = """format = "dpiv"
-format_version = 4
-title = "a recording"
-kind = "pictures"
-files = "frames/*.tif"
-frame_rate_hz = 500.0
-start = "from motion"
-finger_geometry = "nominal"
-finger_length_std_mm = 0.1
-scale = { scale_mm_per_px = 0.125, std_percent = 0.2 }
-axes = { y = "up", root_px = [640.0, 950.0] }
-piv = { window = 32, spacing = 8, pairing = "1-2,2-3" }
-"""
+# what a test leaves out or changes, in the text
+WHOLE, OF_VECTORS = (
+    "".join(f"{k} = {v}\n" for k, v in keys.items())
+    for keys in (PICTURES | {"piv": '{ window = 32, spacing = 8, pairing = "1-2,2-3" }'}, VECTORS)
+)
 
 
 def written(folder: Path, text: str) -> Path:
@@ -27,32 +20,23 @@ def written(folder: Path, text: str) -> Path:
     return folder
 
 
-VECTORS = (
-    WHOLE.replace('"pictures"', '"vectors"')
-    .replace("finger_length_std_mm = 0.1\n", "")
-    .replace('start = "from motion"', "start = { at_s = 0.0, std_s = 0.001 }")
-    .replace(', pairing = "1-2,2-3"', ", interval_s = 0.002")
-    .replace(
-        "root_px = [640.0, 950.0]", "root_mm = [20.0, 15.0], root_std_mm = 0.3, turn_std_deg = 0.5"
-    )
-) + "vectors = { std_px = 0.1 }\n"
 REQUIRED = "files frame_rate_hz start scale axes finger_geometry finger_length_std_mm piv"
 
 
 @pytest.mark.parametrize(
     "text, old, new, message",
     [
-        (WHOLE, ", std_percent = 0.2", "", "std_percent is missing"),
+        (WHOLE, ", std_percent = 1.0", "", "std_percent is missing"),
         (WHOLE, "format_version = 4", "format_version = 1", "version of this dpiv file is 1"),
         (WHOLE, "{ scale", '{ calibration = "a", scale', "or calibration"),
-        (WHOLE, "[640.0, 950.0]", "[640.0]", "axes.root_px is missing"),
-        (WHOLE, "scale_mm_per_px = 0.125, ", "", "scale_mm_per_px is missing: .* calibration"),
+        (WHOLE, "[150.0, 270.0]", "[640.0]", "axes.root_px is missing"),
+        (WHOLE, "scale_mm_per_px = 0.4, ", "", "scale_mm_per_px is missing: .* calibration"),
         (WHOLE, '"1-2,2-3"', '"1-2,3-4"', "interval_s"),
         (WHOLE, 'kind = "pictures"', 'kind = "vectors"', "piv.interval_s is missing"),
         (WHOLE, 'title = "a', 'color = "green"\ntitle = "a', "color: this key"),
-        (VECTORS, ", interval_s = 0.002", "", r"piv\.interval_s is missing: Between two"),
-        (VECTORS, ", root_std_mm = 0.3", "", "root_std_mm is missing"),
-        (VECTORS, ", turn_std_deg = 0.5", "", "turn_std_deg is missing"),
+        (OF_VECTORS, ", interval_s = 0.002", "", r"piv\.interval_s is missing: Between two"),
+        (OF_VECTORS, ", root_std_mm = 0.3", "", "root_std_mm is missing"),
+        (OF_VECTORS, ", turn_std_deg = 0.5", "", "turn_std_deg is missing"),
     ],
 )
 def test_what_is_missing_or_contradicts_is_refused(tmp_path, text, old, new, message):
@@ -66,13 +50,13 @@ def test_what_is_missing_or_contradicts_is_refused(tmp_path, text, old, new, mes
         (WHOLE, "axes.root_mm", "[20.0, 15.0]"),
         (WHOLE, "axes.root_std_mm", "0.3"),
         (WHOLE, "vectors", "{ std_px = 0.1 }"),
-        (VECTORS, "finger_length_std_mm", "0.1"),
-        (VECTORS, "root_hidden_mm", "1.0"),
-        (VECTORS, "light_from_deg", "90.0"),
-        (VECTORS, "colour", '"luma"'),
-        (VECTORS, "axes.root_px", "[640.0, 950.0]"),
-        (VECTORS, "piv.pairing", '"1-2,2-3"'),
-        (VECTORS, "piv.every", "2"),
+        (OF_VECTORS, "finger_length_std_mm", "0.1"),
+        (OF_VECTORS, "root_hidden_mm", "1.0"),
+        (OF_VECTORS, "light_from_deg", "90.0"),
+        (OF_VECTORS, "colour", '"luma"'),
+        (OF_VECTORS, "axes.root_px", "[640.0, 950.0]"),
+        (OF_VECTORS, "piv.pairing", '"1-2,2-3"'),
+        (OF_VECTORS, "piv.every", "2"),
     ],
 )
 def test_keys_of_the_other_kind_are_refused(tmp_path, text, key, value):
@@ -103,6 +87,6 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
 def test_a_name_with_a_space_or_a_colon_is_a_name(tmp_path, name):
     folder = tmp_path / name
     folder.mkdir()
-    dpiv = read_dpiv(written(folder, WHOLE.replace("frames/*.tif", f"{name}.tif")))
+    dpiv = read_dpiv(written(folder, WHOLE.replace("a.h5", f"{name}.tif")))
     (folder / f"{name}.tif").touch()
     assert [str(path) for path in files_of(dpiv.sources())] == [str(folder / f"{name}.tif")]

@@ -7,21 +7,9 @@ import pytest
 from piv.formats.recording import RecordingWriter
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import LabRecording
+from tests.lab_scene import PICTURES, state
 
 COUNT, ROWS, COLUMNS, RATE = 6, 40, 50, 500.0
-TOML = """format = "dpiv"
-format_version = 4
-title = "frames"
-kind = "pictures"
-files = "{files}"
-frame_rate_hz = {rate}
-start = "from motion"
-finger_geometry = "nominal"
-finger_length_std_mm = 0.1
-scale = {{ scale_mm_per_px = 0.1, std_percent = 1.0 }}
-axes = {{ y = "down", x = "right", root_px = [20.0, 4.0] }}
-piv = {{ window = 16, spacing = 8, pairing = {pairing} }}
-"""
 
 
 def frames() -> np.ndarray:
@@ -44,9 +32,10 @@ def recording(folder, data) -> str:
     return "a.h5"
 
 
-def opened(folder, files: str, rate: float = RATE, pairing: str = '"1-2,2-3"') -> LabRecording:
-    (folder / "dpiv.toml").write_text(TOML.format(files=files, rate=rate, pairing=pairing))
-    return LabRecording(read_dpiv(folder))
+def opened(folder, files: str, rate: float = RATE, piv: str = '"1-2,2-3"') -> LabRecording:
+    more = {"files": f'"{files}"', "frame_rate_hz": f"{rate}"}
+    more |= {"piv": f"{{ window = 16, spacing = 8, pairing = {piv} }}"}
+    return LabRecording(read_dpiv(state(folder, PICTURES | more)))
 
 
 @pytest.mark.parametrize("write", [images, recording])

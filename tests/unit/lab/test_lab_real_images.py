@@ -10,21 +10,7 @@ from piv.images.calibration import Calibration, save_calibration
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import LabRecording
 from postprocess.lab.silhouette import integral_image, learn
-from tests.lab_scene import inside_sum
-
-TOML = """format = "dpiv"
-format_version = 4
-title = "real"
-kind = "pictures"
-files = "{files}"
-frame_rate_hz = 100.0
-start = "from motion"
-finger_geometry = "nominal"
-finger_length_std_mm = 0.1
-scale = {{ calibration = "calibration.json", std_percent = 1.0 }}
-axes = {{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}
-piv = {{ window = 32, spacing = 8, pairing = "1-2,2-3" }}
-"""
+from tests.lab_scene import PICTURES, inside_sum, state
 
 
 def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:
@@ -32,8 +18,10 @@ def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecordi
     if not folder.exists():
         pytest.skip("shared data are absent")
     save_calibration(Calibration(1e-4), tmp_path / "calibration.json")
-    (tmp_path / "dpiv.toml").write_text(TOML.format(files=folder / files, x=x))
-    return LabRecording(read_dpiv(tmp_path))
+    more = {"files": f'"{folder / files}"', "frame_rate_hz": "100.0"}
+    more |= {"scale": '{ calibration = "calibration.json", std_percent = 1.0 }'}
+    more |= {"axes": f'{{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}'}
+    return LabRecording(read_dpiv(state(tmp_path, PICTURES | more)))
 
 
 def test_edge_of_a_real_cylinder(tmp_path):
