@@ -29,6 +29,7 @@ from postprocess.lab.motion import (
     difference,
     onset,
     over_bend,
+    with_speeds,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
 from postprocess.lab.register import (
@@ -232,7 +233,8 @@ def _with_flow(
     known = case.kinematics, case.registration, sheet, vortices
     folder = labs / dpiv.folder.resolve().name
     sides = both_sides(folder, dpiv, *known, threads=machine.jobs, quiet=quiet)
-    check_rate(case, sides, dpiv.piv.pairing == "1-2,3-4", dpiv.folder / NAME)
+    case = with_speeds(case, sides)
+    check_rate(case, dpiv.piv.pairing == "1-2,3-4", dpiv.folder / NAME)
     for one in runs.values():
         make(one, "solve", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)

@@ -35,11 +35,10 @@ NEAR = 0.012  # m from the finger: water that its motion drives
 FIRST_HALF = (0.05, 0.5)  # of the bend
 FEWEST = 4  # instants
 DELAYS = 400  # of vectors without a clock, that are tried
-# ln(ratio) over ln(stretch) is 0 for a true stroke and 1 for a wrong rate; the ratio of a sound
-# recording scatters by 3 %, so a smaller stretch cannot be told (docs/record/laboratory.md)
-RATE, LEAST_STRETCH = (0.6, 1.6), 0.08
-# of ln(ratio) over the stroke: standard deviation of a constant one, and its least size
-CONSTANT, CLEARLY = 0.07, 0.08
+# of ln of the water's speed over the simulation's at equal phase: standard deviation between sound
+# recordings (docs/record/laboratory.md); a rate is wrong at odds of 20 to 1, within 3 of them
+SPEED_STD, ODDS, FAR_OFF = 0.03, 3.0, 3.0
+CONSTANT = 0.07  # of the same over the stroke: largest standard deviation of a constant one
 
 
 @dataclass(frozen=True)
@@ -75,8 +74,9 @@ class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `measured`:
-    `flow.measure` of each side. `levels`: as of `inputs.level_windows`, and the `level` that is
-    compared.
+    `flow.measure` of each side. `water_speed`: of the recording over the simulation's in
+    the first half of the stroke; `all_water`: where it is the same at every instant and not 1.
+    `levels`: as of `inputs.level_windows`, and the `level` that is compared.
     """
 
     kinematics: Kinematics
@@ -87,6 +87,8 @@ class Comparison:
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
     measured: dict[str, pd.DataFrame] = field(default_factory=dict)
+    water_speed: float | None = None
+    all_water: float | None = None
 
     @property
     def of_motion(self) -> list[Effect]:
@@ -210,20 +212,29 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
     return out
 
 
-def speed_ratios(case: Comparison, sides: Sides, part: tuple[float, float]) -> np.ndarray:
-    """ln of the recording's water speed over the simulation's at equal phase in a part of the bend.
+def with_speeds(case: Comparison, sides: Sides) -> Comparison:
+    """The case with the recording's water speed over the simulation's at equal phase.
 
-    Over what the recording's motion makes of it: 0 of an equal flow; empty of fewer than `FEWEST`
-    instants.
+    Over what the recording's motion makes of it: 1 of an equal flow.
     """
+    if case.registration.times.size == 0:
+        return case
     factor, _, stretch = case.registration.law.values
     phase = sides.data["time"].values / stretch
     ours = np.interp(phase, sides.virtual["time"].values, near_speed(sides.virtual), np.nan, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         logs = np.log(near_speed(sides.data) / ours * stretch / factor)
     done = bend_done(case.kinematics, phase)
-    logs = logs[(done >= part[0]) & (done <= part[1]) & np.isfinite(logs)]
-    return logs if logs.size >= FEWEST else np.empty(0)
+
+    def within(part: tuple[float, float]) -> np.ndarray:
+        inside = logs[(done >= part[0]) & (done <= part[1]) & np.isfinite(logs)]
+        return inside if inside.size >= FEWEST else np.empty(0)
+
+    half, whole = within(FIRST_HALF), within(PARTS)
+    speed = float(np.exp(np.median(half))) if half.size else None
+    alike = whole.size and abs(np.median(whole)) > FAR_OFF * SPEED_STD and np.std(whole) < CONSTANT
+    all_water = float(np.exp(np.median(whole))) if alike else None
+    return replace(case, water_speed=speed, all_water=all_water)
 
 
 def near_speed(plane: xr.Dataset) -> np.ndarray:
@@ -239,40 +250,24 @@ def near_speed(plane: xr.Dataset) -> np.ndarray:
     return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
 
 
-def first_half_speed(case: Comparison, sides: Sides) -> float | None:
-    """Median of the water's speed over the simulation's, as of `speed_ratios`; None: unknown."""
-    if case.registration.times.size == 0:
-        return None
-    logs = speed_ratios(case, sides, FIRST_HALF)
-    return float(np.exp(np.median(logs))) if logs.size else None
-
-
-def check_rate(case: Comparison, sides: Sides, paired: bool, path: Path) -> None:
+def check_rate(case: Comparison, paired: bool, path: Path) -> None:
     """StageError that names frame_rate_hz of `path` where the water contradicts it.
 
     Of pictures that are no pairs the interval is wrong as well, and nothing shows it.
     """
-    law, speed = case.registration.law, first_half_speed(case, sides)
-    if not paired or speed is None:
+    if not paired or case.water_speed is None:
         return
+    law, speed = case.registration.law, float(np.log(case.water_speed))
     away = float(np.log(law.values[2]))
-    least = max(3 * law.std("stretch") / law.values[2], LEAST_STRETCH)
-    if abs(away) > least and RATE[0] < np.log(speed) / away < RATE[1]:
+    std = np.hypot(SPEED_STD, law.std("stretch") / law.values[2])
+    # of a true stroke the ratio is 1, of a rate that is stated wrongly as the silhouettes' duration
+    odds = (speed**2 - (speed - away) ** 2) / (2 * std**2)
+    if odds > ODDS and abs(speed - away) < FAR_OFF * std:
         raise StageError(
             f"{path}: frame_rate_hz is about {np.exp(-away):.2f} times the true one: the finger"
             f" seems to take {np.exp(away):.2f} times as long as the simulation's, and the water"
             " beside it moves as fast as the simulation's; write the pairs of pictures per second"
         )
-
-
-def constant_ratio(case: Comparison, sides: Sides) -> float | None:
-    """The factor by which all water moves at every instant of the stroke; None of another flow."""
-    if case.registration.times.size == 0:
-        return None
-    logs = speed_ratios(case, sides, PARTS)
-    if logs.size and abs(np.median(logs)) > CLEARLY and np.std(logs) < CONSTANT:
-        return float(np.exp(np.median(logs)))
-    return None
 
 
 def onset(registration: Registration, plane: xr.Dataset, sheet: xr.Dataset) -> Registration:

@@ -41,7 +41,7 @@ Quantity = dict[str, Any]
 WORDS = {
     AGREES: "yes",
     ERROR: "no",
-    UNCERTAIN: "cannot be said",
+    UNCERTAIN: "undecided",
     DIFFERS: "no, but within what is known of the inputs",
     None: "not tested",
 }
@@ -236,12 +236,11 @@ def _evidence(*groups: list[Quantity]) -> str:
             out.append(f"{text[:1].upper()}{text[1:]}.")
         elif wide:
             text = ", ".join(
-                f"{q['label']} (errors above {_relative(q)} would be found, mostly {q['dominant']})"
+                f"{q['label']} (found above {_relative(q)}; the largest uncertainty is"
+                f" {q['dominant']})"
                 for q in wide
             )
-            out.append(
-                f"An error of {100 * TOO_UNCERTAIN:.0f}{PER_CENT} would not be seen: {text}."
-            )
+            out.append(f"An error of {100 * TOO_UNCERTAIN:.0f}{PER_CENT} could hide in: {text}.")
         else:
             found += [f"{q['label']} {_relative(q)}" for q in group]
     if found:

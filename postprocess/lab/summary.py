@@ -11,13 +11,7 @@ from piv.files.atomic import sha256
 from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.flow import corrected, flow_quantities
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import (
-    Comparison,
-    at_recorded_motion,
-    constant_ratio,
-    first_half_speed,
-    motion_quantities,
-)
+from postprocess.lab.motion import Comparison, at_recorded_motion, motion_quantities
 from postprocess.lab.recorded import recording_quality
 from postprocess.lab.validation import ValidatedQuantity, joint_level, judged, repeated, verdicts
 
@@ -61,8 +55,8 @@ def summary(compared: list[Compared]) -> dict[str, Any]:
             level: level_uncertainty(levels, level, during) for level in levels["run"].unique()
         },
         **verdicts(rows),
-        "all_water": constant_ratio(first.case, flow) if flow else None,
-        "water_speed": first_half_speed(first.case, flow) if flow else None,
+        "all_water": first.case.all_water,
+        "water_speed": first.case.water_speed,
         "data": ", ".join(one.dpiv.title for one in compared),
         "registration": first.case.registration.summary(),
         "quality": recording_quality(

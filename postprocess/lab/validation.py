@@ -15,12 +15,12 @@ from scipy.stats import chi2
 
 LEVEL = 0.95
 KINDS = {"numerical": "u_num", "input": "u_input", "data": "u_D"}
-AGREES, ERROR, UNCERTAIN = "agrees", "model error", "too uncertain"
+AGREES, ERROR, UNCERTAIN = "agrees", "model error", "undecided"
 DIFFERS = "differs within the inputs"  # beyond the data's uncertainty, within the inputs'
 MOTION = ("final_bend", "duration")  # what the silhouette shows
 TOO_UNCERTAIN = 0.3  # of a quantity: where an error of this size could hide, nothing is said
 SHARED = ("PIV",)  # sources of the data that repeats have in common
-POSTERIOR, LEVEL_ERROR = "posterior of the registration", "level"
+POSTERIOR, LEVEL_ERROR = "posterior of the registration", "the level's own error"
 
 
 @dataclass(frozen=True)

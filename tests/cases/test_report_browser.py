@@ -68,7 +68,7 @@ def judged():
     }  # fmt: skip
     verdicts = {
         "final_bend": ("model error", "rad"), "circulation": ("agrees", "m²/s"),
-        "radius": ("too uncertain", "m"), "velocity_field": ("agrees", "m/s"),
+        "radius": ("undecided", "m"), "velocity_field": ("agrees", "m/s"),
     }  # fmt: skip
     quantities = []
     for name, (verdict, unit) in verdicts.items():

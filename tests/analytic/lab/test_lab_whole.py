@@ -148,6 +148,9 @@ def test_a_stronger_vortex_is_a_model_error(run, tmp_path):
     assert result["verdict"] == "model error"
     circulation = quantities["circulation"]
     assert circulation["verdict"] == "model error"
+    # E is what the simulation lacks: a fifth of the recording's, to its own 95 % band
+    expected = -0.2 * circulation["data"][0]
+    assert abs(circulation["error"][0] - expected) < circulation["k"] * circulation["u_val"][0]
     assert "Motion: not tested. Flow: no." in first
     assert "Vectors do not show the finger" in first
     assert "Circulation of the tip vortex" in first

@@ -68,11 +68,6 @@ def test_keys_of_the_other_kind_are_refused(tmp_path, text, key, value):
         read_dpiv(written(tmp_path, text.replace(old, line)))
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"dpiv\.toml: missing"):
-        read_dpiv(tmp_path)
-
-
 def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
     kept = [line for line in WHOLE.splitlines() if line.split(" ")[0] not in REQUIRED.split()]
     text = "\n".join([*kept, "piv = { window = 32, spacing = 8 }"])

@@ -28,21 +28,6 @@ def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
         np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-10)
 
 
-def test_a_place_between_two_ends_that_are_seen_is_known_better_than_either():
-    """Root and tip found to a third of a pixel each: half-way their errors average."""
-    pose, length = Pose(1 / 4.0, 0.0, (0.0, 0.245), (310.0, 460.0)), 0.07
-    std, px = 1 / 3, length * 4000.0
-    # the tip is px below the root: (root, tip) → (y, ln scale) with scale = (root − tip)/px
-    ends = np.array([[1.0, 0.0], [1 / px, -1 / px]])
-    covariance = np.zeros((4, 4))
-    covariance[np.ix_([1, 3], [1, 3])] = std**2 * ends @ ends.T
-    spread = {}
-    for part in (0.0, 0.5, 1.0):
-        jacobian = place_jacobian(pose, np.array([0.0, 0.245 - part * length]))
-        spread[part] = 4000.0 * np.sqrt((jacobian @ covariance @ jacobian.T)[1, 1])
-    assert spread == pytest.approx({0.0: std, 0.5: std / np.sqrt(2), 1.0: std})
-
-
 @pytest.mark.parametrize(
     "crossed, pairs",
     [(0.0, 25), (0.25, 5 + 8 * 0.75 + 6 * 0.5 + 4 * 0.25), (0.5, 5 + 8 * 0.5), (2.0, 5)],

@@ -32,8 +32,11 @@ def recording(folder, data) -> str:
     return "a.h5"
 
 
-def opened(folder, files: str, rate: float = RATE, piv: str = '"1-2,2-3"') -> LabRecording:
-    more = {"files": f'"{files}"', "frame_rate_hz": f"{rate}"}
+def opened(
+    folder, files: str, rate: float = RATE, piv: str = '"1-2,2-3"', x: str = "right"
+) -> LabRecording:
+    more = {"axes": f'{{ y = "up", x = "{x}", root_px = [20.0, 4.0] }}'}
+    more |= {"files": f'"{files}"', "frame_rate_hz": f"{rate}"}
     more |= {"piv": f"{{ window = 16, spacing = 8, pairing = {piv} }}"}
     return LabRecording(read_dpiv(state(folder, PICTURES | more)))
 
@@ -58,3 +61,10 @@ def test_pairs_have_their_own_interval(tmp_path):
 def test_a_rate_that_contradicts_the_camera_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"frame_rate_hz is 250, but .* states 500"):
         opened(tmp_path, recording(tmp_path, frames()), 250.0)
+
+
+def test_mirrored_pictures_are_turned_back(tmp_path):
+    data = frames()
+    pictures = opened(tmp_path, images(tmp_path, data), x="left")
+    assert np.array_equal(pictures.frame(0), data[0][:, ::-1])
+    assert pictures.turned((20.0, 4.0)) == (COLUMNS - 21.0, 4.0)

@@ -13,14 +13,14 @@ from postprocess.lab.silhouette import integral_image, learn
 from tests.lab_scene import PICTURES, inside_sum, state
 
 
-def recording(tmp_path, source: str, files: str, x: str = "right") -> LabRecording:
+def recording(tmp_path, source: str, files: str) -> LabRecording:
     folder = (shared_data() or tmp_path) / source
     if not folder.exists():
         pytest.skip("shared data are absent")
     save_calibration(Calibration(1e-4), tmp_path / "calibration.json")
     more = {"files": f'"{folder / files}"', "frame_rate_hz": "100.0"}
     more |= {"scale": '{ calibration = "calibration.json", std_percent = 1.0 }'}
-    more |= {"axes": f'{{ y = "down", x = "{x}", root_px = [700.0, 40.0] }}'}
+    more |= {"axes": '{ y = "down", root_px = [700.0, 40.0] }'}
     return LabRecording(read_dpiv(state(tmp_path, PICTURES | more)))
 
 
@@ -52,9 +52,3 @@ def test_edge_of_a_real_cylinder(tmp_path):
     half = 0.5 * (level[:8].mean() + level[-8:].mean())
     edge = float(np.interp(half, level[8:24], rings[8:24]))
     assert a[2] == pytest.approx(edge, abs=1.0)
-
-
-def test_mirrored_pictures_are_turned_back(tmp_path):
-    plain = recording(tmp_path, "pypiv_finger", "*.tif").frame(0)
-    mirrored = recording(tmp_path, "pypiv_finger", "*.tif", x="left").frame(0)
-    assert np.array_equal(plain[:, ::-1], mirrored)

@@ -149,8 +149,8 @@ def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():
     made = result(STRAIGHT, PLACE, WIDE)
     text = answer(made)
     assert made["verdict"] == UNCERTAIN
-    assert text.startswith("Motion: yes. Flow: cannot be said.")
-    assert "circulation (errors above 110\u00a0% would be found, mostly grid)" in text
+    assert text.startswith("Motion: yes. Flow: undecided.")
+    assert "circulation (found above 110\u00a0%; the largest uncertainty is grid)" in text
     assert "98\u00a0cm²/s" not in text  # an undecided quantity is no evidence
 
 
