@@ -20,6 +20,7 @@ from postprocess.lab.outline_profile import (
     EDGE,
     FAR,
     INSIDE,
+    LENGTHS,
     NAMES,
     NEAR,
     SIDES,
@@ -252,9 +253,11 @@ def outline_causes(fit: Fit, parts: dict[int, str], known: Known) -> list[str]:
     if parts:
         places = {what: {NAMES[k]: 0 for k in parts if parts[k] == what} for what in parts.values()}
         where = "; ".join(f"at its {' and '.join(names)} {what}" for what, names in places.items())
+        held = 0 in parts or {2, 2 + LENGTHS} <= set(parts)  # the root, or both sides next to it
+        hidden = ", or give root_hidden_mm where its root is not" if held else ""
         out.append(
             f"the finger's outline does not explain the pictures: {where}; light the finger so that"
-            " water is seen all around it, or give root_hidden_mm where its root is not"
+            f" water is seen all around it{hidden}"
         )
     if not -FAR_OFF * GROWTH_STD <= growth <= GROWN:
         change, limit = ("grown", GROWN) if growth > 0 else ("shrunk", FAR_OFF * GROWTH_STD)

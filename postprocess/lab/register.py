@@ -74,11 +74,6 @@ MIRRORED = 1.3  # times the evidence, from which the finger bends to the other s
 Place = Callable[[tuple[float, float]], tuple[float, float]]
 
 
-def as_it_is(at: tuple[float, float]) -> tuple[float, float]:
-    """The place itself."""
-    return at
-
-
 @dataclass(frozen=True)
 class Law:
     """The recording's motion relative to the simulation's.
@@ -117,7 +112,7 @@ class Registration:
     pressures: np.ndarray
     stated: Pose
     density: float = 0.0  # particles per pixel of the water; 0 of vectors
-    place: Place = as_it_is
+    place: Place = lambda at: at
 
     def summary(self) -> dict[str, Any]:
         """What was found, and its difference from what is stated, in a laboratory's units."""
@@ -161,7 +156,7 @@ class Known:
     hidden: float = 0.0
     light_from: float | None = None
     length_std: float = 0.0
-    place: Place = as_it_is
+    place: Place = lambda at: at
 
     def chosen(self, count: int) -> np.ndarray:
         """Indices of the frames of `count` that are fitted."""

@@ -90,6 +90,7 @@ def test_a_side_that_reflects_is_named(kinematics):
     _, check = registered(kinematics, Faults(reflection=1.0))
     assert "dorsal side" in check.refusals[0]
     assert "by a shadow or a reflection" in check.refusals[0]
+    assert "root_hidden_mm" not in check.refusals[0]  # its root is seen
 
 
 def test_a_shadow_does_no_harm_where_it_is_stated_from_where_light_comes(kinematics):
