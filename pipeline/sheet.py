@@ -143,6 +143,7 @@ def run(
         x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
     intervals = read_intervals(scene.motion_folder)
     planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
+    planes = planes if view is not None else planes[:: scene.sheet.every or 1]
     chosen = np.linspace(0, len(planes) - 1, min(most or len(planes), len(planes)))
     planes = [planes[k] for k in chosen.round().astype(int)]
     mirrored = bool(read_planform(scene.motion_folder, intervals[0].mesh).attrs["mirror"])

@@ -17,6 +17,7 @@ from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import open_run
 from pipeline.runs.stages import FEA, STAGES
+from pipeline.scene.measurement import frames_apart
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import command, read_layers
 from pipeline.scene.scene import Scene, load_scene
@@ -35,6 +36,9 @@ _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over th
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
+_NOT_FASTER = 1.25  # of it: what is left where times are powers of two
+_LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
+_PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
 _WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
 _LEVELS = ("smoke", "draft", "coarse")
@@ -122,8 +126,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "high": pressure.max() / 1e3,
         "end": round(end, 6),
         "source_of_motion": "structure" if coupled else "fea",
-        "sheet": "" if slower == 1 else _SHEET.format(shipped.sheet.rate_hz / slower),
-        "levels": _of_levels(own, shipped, slower, scale),
+        "levels": _of_levels(own, shipped, slower, scale, end),
     }
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
@@ -232,13 +235,15 @@ def _pace(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -> 
     finger = _likely(own, shipped, chambers, end, scale)
     of_vibration = finger.period / _PERIOD_STEPS / shipped.numerics.time_step
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
-    slower = scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
+    slower = _NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
     slower = min(slower, max(of_vibration, 1.0), max(of_run, 1.0))
     return 2.0 ** math.floor(math.log2(slower)), finger.known
 
 
-def _of_levels(own: Own, shipped: Scene, slower: float, scale: float) -> str:
+def _of_levels(own: Own, shipped: Scene, slower: float, scale: float, end: float) -> str:
     """Tables of levels: times as fast as the tip, cells for the thickness and a small tank."""
+    longer = end / slower / shipped.motion.end_time / _LONGER
+    sparser = 2 ** max(0, math.ceil(math.log2(longer)))
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
     text = ""
     layers = read_layers(shipped.folder / "scene.toml")
@@ -247,6 +252,7 @@ def _of_levels(own: Own, shipped: Scene, slower: float, scale: float) -> str:
         if slower != 1:
             times = (slower * t for t in (scene.numerics.time_step, scene.numerics.write_interval))
             keys += "numerics = {{ time_step = {:g}, write_interval = {:g} }}\n".format(*times)
+        keys += _pictures(scene, slower, sparser)
         mesh = {} if scale == 1 else _scaled_mesh(scene, scale, own.length / shipped.finger.length)
         if scene.mesh.far_cell > largest:
             mesh["far_cell"] = largest  # a quarter of the tank at most
@@ -254,6 +260,34 @@ def _of_levels(own: Own, shipped: Scene, slower: float, scale: float) -> str:
             keys += f"mesh = {{ {', '.join(f'{key} = {value}' for key, value in mesh.items())} }}\n"
         text += f"\n[levels.{level}]\n{keys}" if keys else ""
     return text
+
+
+def _pictures(scene: Scene, slower: float, sparser: int) -> str:
+    """Keys of a level's pictures, whose pairs are `sparser` times as far apart in a long run.
+
+    A level that correlates one pair of many takes pictures of no others.
+    """
+    camera, sheet, piv = scene.camera, scene.sheet, scene.piv
+    apart = frames_apart(camera, piv)
+    few = apart > 2
+    rate = sheet.rate_hz / slower / (sparser if few else 1)
+    frames = (camera.frame_rate_hz or sheet.rate_hz) / slower
+    values = {
+        "sheet": {"rate_hz": rate} if rate != sheet.rate_hz else {},
+        "camera": {"frame_rate_hz": frames} if frames != rate or camera.frame_rate_hz else {},
+        "piv": {} if few or sparser == 1 else {"every": sparser * piv.every},
+    }
+    if few and (sparser > 1 or camera.pairs_every == 1):
+        values["camera"]["pairs_every"] = sparser * apart
+        values["piv"]["every"] = 1
+    if scene.model.kind == "2d":
+        values["piv"] |= {"window": _PLANE_WINDOW, "spacing": _PLANE_WINDOW // 4}
+    lines = (
+        f"{name} = {{ {', '.join(f'{key} = {value:g}' for key, value in keys.items())} }}\n"
+        for name, keys in values.items()
+        if keys
+    )
+    return "".join(lines)
 
 
 def _scaled_mesh(scene: Scene, scale: float, longer: float) -> dict[str, Any]:
@@ -268,11 +302,6 @@ def _scaled_mesh(scene: Scene, scale: float, longer: float) -> dict[str, Any]:
     return out
 
 
-_SHEET = """
-# Time steps, checkpoints (levels) and pictures follow from the tip's speed in modelled water.
-[sheet]
-rate_hz = {:g}  # pictures in a second
-"""
 _TEXT = """\
 # Written by softfinger new. It holds what differs from {parent_name} (all keys:
 # docs/scene_reference.md). "Assumed" marks what was not given: check it against yours.
@@ -308,8 +337,9 @@ pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing
 end_time = {end}  # s: when the smoothed pressure has arrived
 
 # Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
-# and scale_mm_per_px state a view. Model, mesh and PIV are {parent_name}'s.
-{sheet}{levels}"""
+# and scale_mm_per_px state a view. Time steps, checkpoints and pictures of the levels follow from the
+# tip's speed in modelled water and the length of the run. Model and mesh are {parent_name}'s.
+{levels}"""
 
 
 def advice(scene: Scene) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from pipeline.formats.bending_states import States
 from pipeline.kinematics.finger import finger_motion, law_times
 from pipeline.scene.measurement import Camera
 from pipeline.scene.predicted import picture_of
@@ -26,7 +27,8 @@ _OF_PINCH = 2.0
 # of PIV in the finger's thickness: with 1.7 the circulation of the tip's vortex was known at 0 of 8
 # instants, with 2.5 at 7 of 9 (softfinger new with 50mm x 20mm at smoke, 2026-11-25)
 _WINDOWS = 2.6
-_SPACING_PX = 4  # of the grid that the flow is sampled on
+# of the grid that the flow is sampled on: finer ones hold nothing more
+_SPACING_PX, _SPACING_CELLS = 4, 0.7
 _LEAST_CIRCULATION = 0.01  # of peak tip speed times length: the shipped scenes' share
 _MOST_PIXELS, _SIDE = 1600 * 1280, 64  # of a camera that is not stated; its sides are multiples
 
@@ -44,13 +46,21 @@ class TipPath:
     travel: ndarray
 
 
-def tip_path(scene: Scene) -> TipPath:
-    """The path of a finger's tip; StageError where the motion cannot be."""
-    motion = finger_motion(scene.motion, scene.finger, scene.pinch, scene.folder)
+def tip_path(scene: Scene, over_time: States | None = None) -> TipPath:
+    """The path of a finger's tip; StageError where the motion cannot be.
+
+    `over_time`: shapes at times (s) in place of those at pressures. In a pinch they end at the
+    plane between the fingers.
+    """
+    pinch = scene.pinch if over_time is None else None
+    motion = finger_motion(scene.motion, scene.finger, pinch, scene.folder, over_time)
     time = law_times(scene.motion.end_time)
     parameter = motion.law(time)
-    known = np.linspace(parameter.min(), parameter.max(), _SHAPES)
+    count = _SHAPES if over_time is None else _PLACES
+    known = np.linspace(parameter.min(), parameter.max(), count)
     tip = motion.to_tank(np.array([motion.shapes.tip(p)[0] for p in known]))
+    if scene.pinch is not None:
+        tip[:, 0] = np.minimum(tip[:, 0], 0.0)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(tip, axis=0).T))])
     done = np.interp(parameter, known, way)
     speed = np.abs(np.gradient(done, time))
@@ -83,12 +93,12 @@ def _turns(way: ndarray) -> int:
     return int(count)
 
 
-def following(scene: Scene) -> dict[str, Any]:
-    """Values by dotted key of what the scene leaves to follow from the motion. StageError.
+def following(scene: Scene, path: TipPath) -> dict[str, Any]:
+    """Values by dotted key of what the scene leaves to follow from the `path` of its tip.
 
     The picture holds where vortices go, and the roots where it stays sharp with them.
     """
-    path, camera, finger = tip_path(scene), scene.camera, scene.finger
+    camera, finger = scene.camera, scene.finger
     stated = camera.model_fields_set
     near, whole, tips = _boxes(scene, path)
     scale, pixels = camera.scale_mm_per_px * 1e-3, np.array([camera.columns, camera.rows])
@@ -116,7 +126,7 @@ def following(scene: Scene) -> dict[str, Any]:
         "camera.scale_mm_per_px": round(1e3 * scale, 6),
         "camera.columns": int(pixels[0]),
         "camera.rows": int(pixels[1]),
-        "sheet.spacing": round(_SPACING_PX * scale, 7),
+        "sheet.spacing": round(max(_SPACING_PX * scale, _SPACING_CELLS * scene.mesh.tip_cell), 7),
         "vortices.min_circulation": _rounded_up(_LEAST_CIRCULATION * path.speed * length),
     }
     for name in list(values):

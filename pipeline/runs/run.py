@@ -19,9 +19,10 @@ from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.runs.seal import is_sealed
 from pipeline.runs.sources import sources_digest
 from pipeline.runs.stages import BY_NAME, COUPLED, FEA, FILMED, TARGETS, Stage, until
+from pipeline.scene.measurement import frames_apart
 from pipeline.scene.read_toml import FILE_KEYS
 from pipeline.scene.scene import Scene, load_scene
-from pipeline.structure.finger import ElasticFinger, modelled_speed
+from pipeline.structure.finger import ElasticFinger, modelled_speed, path_in_water
 from piv.files.atomic import sha256
 from piv.files.errors import StageError
 from piv.files.json_text import flat
@@ -211,7 +212,7 @@ def open_run(
 def _view(scene: Scene) -> dict[str, Any]:
     """Values of the measurement that follow from the motion; none before its files are there."""
     try:
-        return following(scene)
+        return following(scene, path_in_water(scene))
     except StageError:
         return {}  # `Run.check` says why
 
@@ -242,7 +243,10 @@ def other_motion(scene: Scene) -> tuple[dict[str, Any], Path]:
 
 def other_films(scene: Scene) -> tuple[dict[str, Any], Path]:
     """Overrides and folder of a scene's run without camera and PIV, or with them if it has none."""
-    return {"filmed": not scene.filmed}, scene.out / ("flow" if scene.filmed else "filmed")
+    # vortices at the instants of vector fields are plenty, and pictures cost more than the solver
+    every = frames_apart(scene.camera, scene.piv) if scene.filmed else 1
+    overrides = {"filmed": not scene.filmed, "sheet.every": every if every > 1 else None}
+    return overrides, scene.out / ("flow" if scene.filmed else "filmed")
 
 
 def single_finger_out(pinch: Scene) -> Path:

@@ -83,7 +83,7 @@ STAGES = (
     ),
     Stage(
         "sheet", "pipeline.sheet", "the flow in the laser sheet",
-        ("solve",), ("sheet.h5",), {"sheet": {"spacing", "margin"}, "camera": _SHEET_GRID},
+        ("solve",), ("sheet.h5",), {"sheet": {"spacing", "margin", "every"}, "camera": _SHEET_GRID},
         cost=(14, 500),
     ),
     Stage(

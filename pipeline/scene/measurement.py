@@ -17,6 +17,8 @@ class Sheet(Section):
     """Of the light sheet [m]"""
     rate_hz: Positive = 500.0
     """Pictures of the sheet in a second [Hz]"""
+    every: Annotated[Count, Field(le=10_000)] | None = None
+    """Take one picture of so many; absent: each, and with PIV=0 as many as PIV has fields"""
     spacing: Positive = 0.0005
     """Of the grid that the flow is sampled on; 4 px where camera.centre is absent [m]"""
     margin: Positive = 0.006
@@ -103,6 +105,11 @@ class Vortices(Section):
     """Smoothing length at which they are sought; absent: a sixth of the tip's width [m]"""
     weights: Literal["equal", "uncertainty"] = "equal"
     """Of the vectors in that fit"""
+
+
+def frames_apart(camera: Camera, piv: Piv) -> int:
+    """How many frames after a vector field the next one is."""
+    return piv.every * camera.pairs_every
 
 
 def render_settings(camera: Camera, sheet: Sheet) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.formats.bending_states import FloatArray, States
 from pipeline.formats.mesh_intervals import PER_FINGER
+from pipeline.kinematics.camera_window import TipPath, tip_path
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
@@ -122,6 +123,21 @@ def modelled_speed(finger: ElasticFinger, end: float) -> float:
     time, pressure, delta = finger.in_water(end)
     tip = finger.chain.profile(pressure, delta)[:, -1]
     return float(np.hypot(*np.gradient(tip, time[1], axis=0).T).max())
+
+
+def path_in_water(scene: Scene) -> TipPath:
+    """The path of a scene's tip: of a coupled finger in modelled water, with the poses at rest.
+
+    Prescribed, a finger may be several times as fast. StageError where it has no path.
+    """
+    still = tip_path(scene)
+    if not scene.coupled:
+        return still
+    finger = ElasticFinger.of(scene)
+    wet = tip_path(scene, finger.shapes(*finger.in_water(scene.motion.end_time)))
+    places = np.vstack([still.places, wet.places])
+    travel = np.concatenate([np.zeros(len(still.places)), wet.travel])
+    return TipPath(places, wet.speed, wet.turns, travel)
 
 
 def modelled_shapes(scene: Scene) -> States:

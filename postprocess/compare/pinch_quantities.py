@@ -92,14 +92,22 @@ def _forming_gap(part: Part) -> float:
     return float(clock.gap_at(np.array([at]))[0]) - clock.residual_gap
 
 
+def _measured(part: Part) -> pd.DataFrame:
+    """Return the rows of `_integrals` whose circulation is measured; ValueError without one."""
+    rows = _integrals(part)
+    if rows["circulation"].notna().any():
+        return rows[rows["circulation"].notna()]
+    raise ValueError(f"{part.of}: the circulation of no vortex is measured {part.words()}")
+
+
 def _strongest(rows: pd.DataFrame, *by: str) -> pd.DataFrame:
-    """The row of largest |circulation| in each group."""
+    """The row of largest |circulation|, which is a number, in each group."""
     return rows.loc[rows.groupby(list(by))["circulation"].apply(lambda c: c.abs().idxmax())]
 
 
 def _ventral_flow(part: Part) -> str:
     """The flow between the two strongest vortices on the ventral side at most instants."""
-    rows = _integrals(part)
+    rows = _measured(part)
     rows = rows[(rows["side"] == "ventral") & (rows["finger"] == 0)]
     if rows.empty:
         raise ValueError(f"{part.of}: no vortex on the ventral side {part.words()}")
@@ -108,7 +116,7 @@ def _ventral_flow(part: Part) -> str:
 
 def _side(part: Part) -> str:
     """Usual side of the strongest vortex of either finger; "different" if they differ."""
-    rows = _integrals(part)
+    rows = _measured(part)
     if set(rows["finger"]) != {0, 1}:
         raise ValueError(f"{part.of}: no vortex at both tips {part.words()}")
     strongest = _strongest(rows, "time", "finger")

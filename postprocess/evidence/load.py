@@ -42,7 +42,9 @@ def load_evidence(files: StageFiles) -> Evidence:
     scale, _ = peak_tip_speed(cfd["time"].values, cfd["tip"].values)
     sums = {"piv-cfd": fields.field_sums(cfd, planes["piv"])} if "piv" in planes else {}
     clock = read_clock(files.numbers, cfd)
-    clock = replace(clock, known=tracks.known_window(vortices, clock.stroke()))
+    # it takes the place of the middle of the stroke, and is no shorter
+    least = float(np.ptp(clock.middle()))
+    clock = replace(clock, known=tracks.known_window(vortices, clock.stroke(), least))
     evidence = Evidence(planes, vortices, scale, clock, sums)
     if cfd.sizes["finger"] < 2:
         return evidence

@@ -11,6 +11,9 @@ REACH = 2.5  # tip widths; a vortex further off is not the tip's
 RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
 KNOWN = 0.05  # standard uncertainty over circulation: a vortex that a wall hides is known less
 ENOUGH = 1 / 3  # of the instants; a circulation that is known at fewer is not judged
+# instants of a window that is judged: the mean of four, each known to KNOWN, is known to half of the
+# 5 % by which a circulation may differ
+FEWEST = 4
 COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 
 
@@ -155,21 +158,26 @@ def common_means(
 
 
 def known_window(
-    tables: dict[str, pd.DataFrame], stroke: tuple[float, float]
+    tables: dict[str, pd.DataFrame], stroke: tuple[float, float], least: float = 0.0
 ) -> tuple[float, float] | None:
     """First and last instant (s) of a stroke at which every source knows the tip's vortex.
 
-    Where the circulation is known at less than ENOUGH of them: at which both find the vortex. None
-    without two such instants.
+    Where the circulation is known at less than ENOUGH of them: at which both find the vortex. The
+    uncertainty of PIV would pick its own instants where these are few. None with fewer than FEWEST,
+    for less than `least` (s), or for less than ENOUGH of the time for which the first source, the
+    flow, has that vortex.
     """
     tips = dominant_tracks(tables, 0, stroke)
     if len(tips) < 2:
         return None
     pair = pair_tracks(*tips.values())
     pair = pair[pair["time"].between(*stroke)]
-    sure = pair[pair["known"]] if pair["known"].sum() >= max(2, ENOUGH * len(pair)) else pair
+    sure = pair[pair["known"]] if pair["known"].sum() >= max(FEWEST, ENOUGH * len(pair)) else pair
+    there = next(iter(tips.values()))["time"].clip(*stroke)
     times = sure["time"]
-    return (float(times.min()), float(times.max())) if len(times) > 1 else None
+    if len(times) < FEWEST or np.ptp(times) < max(least, ENOUGH * np.ptp(there)) - 1e-9:
+        return None
+    return float(times.min()), float(times.max())
 
 
 def known(rows: pd.DataFrame, of: str = "") -> pd.Series:

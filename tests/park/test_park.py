@@ -37,4 +37,9 @@ def test_what_exceeds_its_limit_fails():
     for name in LIMITS:
         assert Outcome(good | {name: 1.01 * good[name] + 1e-3}, "").failed() == [name]
         assert Outcome(good | {name: float("nan")}, "").failed() == [name]
+        assert Outcome(good | {name: "no vortex"}, "").failed() == []
+        # nothing passes for want of a number
+        assert Outcome(good | {name: None}, "").failed() == [name]
+        assert Outcome({k: v for k, v in good.items() if k != name}, "").failed() == [name]
+        assert LIMITS[name].reason
     assert Outcome({}, "the mesh is bad").failed() == ["page"]

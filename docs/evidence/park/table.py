@@ -156,13 +156,16 @@ def page(entries: list[dict[str, Any]], folder: Path) -> str:
             spent = outcome.values.get("cpu_s")
             row = [entry["name"], name, *cells, "" if spent is None else f"{spent:.0f}"]
             lines.append(f"| {' | '.join(row)} |")
-    about = [f"- **{e['name']}**: {e['length']} × {e['width']}, {e['about']}." for e in entries]
+    about = [f"- {x.about}, at most {x.most:g}: {x.reason}." for x in LIMITS.values()]
+    about += [""] + [
+        f"- **{e['name']}**: {e['length']} × {e['width']}, {e['about']}." for e in entries
+    ]
     return "\n".join([_HEAD, *about, "", *lines, ""])
 
 
 def _cell(outcome: Outcome, name: str) -> str:
     value = outcome.values.get(name)
-    text = "–" if value is None else f"{value:.3g}"
+    text = value if isinstance(value, str) else "missing" if value is None else f"{value:.3g}"
     return f"**{text}**" if name in outcome.failed() else text
 
 

@@ -85,3 +85,13 @@ def test_a_coupled_pinch_is_compared_with_a_coupled_single_finger(tmp_path):
     assert single_finger(scene)[1].endswith("make single_finger LEVEL=reference COUPLED=1")
     scene = load_scene(pinch, "reference")
     assert single_finger(scene)[1].endswith("make single_finger LEVEL=reference")
+
+
+def test_a_vortex_that_is_not_measured_is_never_the_strongest():
+    """Vortices at the edge have no circulation; an instant with no other ended in pandas' error."""
+    dorsal = vortices("dorsal", "downward", 2e-2, 0.16)
+    hidden = vortices("ventral", "upward", np.nan, 0.2)
+    assert measure("pair_side", dorsal[2:] + hidden) == "dorsal"
+    for name in ("pair_side", "ventral_pair_flow"):
+        with pytest.raises(ValueError, match="circulation of no vortex is measured"):
+            measure(name, hidden)

@@ -77,3 +77,26 @@ def test_the_same_vortex_is_compared_where_two_of_one_sense_share_a_tip():
     tables = tracks.dominant_tracks({"cfd": reference, "piv": seen}, 0, window)
     assert set(tables["cfd"]["track"]) == {1}
     assert set(tables["piv"]["track"]) == {7}
+
+
+def known_window(instants, least=0.0, std=0.0):
+    """Of a flow that has its vortex over TIME, and of PIV that has it at some `instants` (s)."""
+    flow = chosen(vortex_table(TIME, BEND))
+    seen = flow[np.isclose(flow["time"].to_numpy()[:, None], instants).any(axis=1)]
+    seen = seen.assign(circulation_std=std * seen["circulation"].abs())
+    return tracks.known_window({"cfd": flow, "piv": seen}, (0.0, 0.4), least)
+
+
+def test_a_window_of_few_instants_is_not_judged():
+    """Two instants of PIV's own choice were a window."""
+    flow = chosen(vortex_table(TIME, BEND))["time"].to_numpy()
+    first, span = flow[0], np.ptp(flow)
+    assert known_window(flow[[4, -1]]) is None
+    assert known_window(flow[4:8]) is None  # four instants, in a twentieth of the stroke
+    assert known_window(flow[:: len(flow) // 4]) is not None
+    third = flow[flow - first <= 0.36 * span]
+    assert known_window(third) == pytest.approx((first, third[-1]))
+    assert known_window(flow[flow - first <= 0.3 * span]) is None
+    assert known_window(third, least=0.5 * span) is None
+    # where the circulation is known nowhere, the centres are compared
+    assert known_window(third, std=0.2) == pytest.approx((first, third[-1]))

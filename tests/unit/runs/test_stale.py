@@ -72,6 +72,15 @@ def test_a_run_of_the_flow_alone_makes_neither_pictures_nor_piv(tmp_path):
     assert again.out == whole.out
 
 
+def test_a_run_of_the_flow_alone_samples_as_often_as_piv_would(tmp_path):
+    """Every picture was read and searched for vortices: half of a run's cost at smoke."""
+    alone = open_moved(CASES / "single_finger", "smoke", None, False)
+    assert alone.scene.sheet.every == 5
+    whole = open_moved(CASES / "single_finger", "smoke", None, True)
+    assert alone.digest("solve") == whole.digest("solve")
+    assert alone.digest("sheet") != whole.digest("sheet")
+
+
 def with_those_after(stages: set[str]) -> set[str]:
     """The stages, and all that read a result of one of them."""
     grown = stages | {stage.name for stage in STAGES if stages & {*stage.inputs}}

@@ -5,10 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.kinematics.camera_window import TipPath, _travel, tip_path
+from pipeline.kinematics.camera_window import TipPath, _travel, following, tip_path
 from pipeline.runs.run import open_run
 from pipeline.scene.limits import field_count
+from pipeline.scene.measurement import Vortices
 from pipeline.scene.predicted import picture_of
+from pipeline.scene.scene import load_scene
+from pipeline.structure.finger import path_in_water
 from piv.files.errors import StageError
 from piv.sequence.frame_sets import SequenceOptions, frame_sets
 from softfinger.make import Machine, make
@@ -97,6 +100,25 @@ def test_the_view_holds_where_vortices_go_and_is_sharp_enough(tmp_path, shipped,
     assert high[1] > scene.finger.root[1]
     assert camera.columns * camera.rows <= 1.1 * 1600 * 1280
     assert scene.finger.thickness / (scene.piv.window * camera.pixel) > 2.5
+
+
+def test_a_coupled_finger_is_seen_as_fast_as_water_lets_it_be():
+    """Prescribed, f90's tip has 2.3 m/s, in water 0.6: vortices of a sixteenth of the size count."""
+    strokes = [{"pressure_kpa": 20.0, "start": 0.005, "duration": 0.05}]
+    moved = {"motion.strokes": strokes, "camera.centre": None}
+    still, wet = (
+        load_scene(SINGLE, "smoke", moved | {"motion.source": source})
+        for source in ("fea", "structure")
+    )
+    prescribed, coupled = path_in_water(still), path_in_water(wet)
+    assert np.array_equal(prescribed.places, tip_path(still).places)
+    assert coupled.speed < 0.5 * prescribed.speed
+    assert coupled.travel.max() < 0.5 * prescribed.travel.max()
+    # poses at rest and those that the finger swings to are both seen
+    assert coupled.places[:, 1].max() >= prescribed.places[:, 1].max()
+    wet = wet.model_copy(update={"vortices": Vortices()})
+    least = (following(wet, path)["vortices.min_circulation"] for path in (coupled, prescribed))
+    assert next(least) < 0.5 * next(least)
 
 
 def test_a_vortex_that_is_shed_earlier_goes_farther(tmp_path):

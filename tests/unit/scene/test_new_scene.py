@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.fea.sections import sections
 from pipeline.runs.run import other_motion
+from pipeline.scene.measurement import frames_apart
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
@@ -86,6 +87,28 @@ def test_times_follow_from_the_speed_of_the_tip_in_water(tmp_path):
     assert predicted(slow).cpu < 1200  # s
 
 
+def test_a_long_run_has_four_times_the_shipped_vector_fields_at_most(tmp_path):
+    """The cycle of f90 had 768 pictures of 1472 x 1152 at smoke, ten times what it needs."""
+    wave = "t,p\n0,0\n" + "".join(f"{0.15 * k:.2f},{(-1) ** k * 25000}\n" for k in range(1, 9))
+    scene = make(tmp_path, 0.09, 0.018, (0.45, 0.3, 0.3), rows=wave)
+    for level in ("smoke", "draft", "coarse"):
+        own, of_parent = load_scene(scene.folder, level), load_scene(PARENT, level)
+        fields, shipped = (
+            at.motion.end_time
+            * (at.camera.frame_rate_hz or at.sheet.rate_hz)
+            / frames_apart(at.camera, at.piv)
+            for at in (own, of_parent)
+        )
+        assert shipped < fields < 4 * shipped
+        # frames of a pair are as near as the tip's speed wants
+        assert (own.camera.frame_rate_hz or own.sheet.rate_hz) >= 1000
+        # no pictures between pairs
+        assert own.piv.every == 1 or own.piv.every <= 4
+    smoke = load_scene(scene.folder, "smoke")
+    assert smoke.sheet.rate_hz < smoke.camera.frame_rate_hz
+    assert smoke.piv.window == 16
+
+
 def test_pressure_and_water_move_an_own_finger_unless_it_is_prescribed(tmp_path):
     assert make(tmp_path).coupled
     scene = load_scene(PARENT, "draft", {"motion.source": "structure"}, tmp_path)
@@ -148,5 +171,5 @@ def test_a_parent_without_levels_of_its_own_gives_its_parents_levels(tmp_path):
     assert scene.numerics.time_step < 0.6 * shipped.numerics.time_step
     assert scene.mesh.far_cell == 0.02 < shipped.mesh.far_cell
     text = (scene.folder / "scene.toml").read_text()
-    assert "PIV are single_deflate's" in text
+    assert "mesh are single_deflate's" in text
     assert "differs from single_deflate" in text
