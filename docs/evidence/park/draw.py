@@ -45,4 +45,4 @@ def _entry(rng: np.random.Generator, name: str, number: int) -> dict[str, Any]:
         )
     elif number % 6 == 4:
         keys = '[actuator.materials.lower]\nmaterial = "Smooth-Sil 950"\n'
-    return entry | {"keys": keys, "about": "pinch" if pinch else "one finger"}
+    return entry | {"keys": keys, "about": "pinch" if pinch else "one finger", "alone": True}

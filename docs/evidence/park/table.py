@@ -96,10 +96,18 @@ def _arcs(path: Path, length: float, curves: dict[str, float]) -> None:
 
 
 def runs(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Run]]:
-    """The runs of a scene: coupled and prescribed, or one of them."""
-    if entry.get("coupled", True):
-        yield "coupled", open_moved(folder, LEVEL, True)
-    yield "prescribed", open_moved(folder, LEVEL, False)
+    """The runs of a scene: its own motion with PIV, at draft where it says so, and the other.
+
+    A coupled scene's prescribed motion has PIV where the entry says `whole`, else PIV=0.
+    """
+    coupled, whole = entry.get("coupled", True), entry.get("whole", False)
+    own = "coupled" if coupled else "prescribed"
+    yield own, open_moved(folder, LEVEL, coupled)
+    if coupled and not entry.get("alone", False):
+        other = open_moved(folder, LEVEL, False, None if whole else False)
+        yield "prescribed" if whole else "prescribed, PIV=0", other
+    if entry.get("draft", False):
+        yield f"{own}, draft", open_moved(folder, "draft", coupled)
 
 
 def made(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Outcome]]:
