@@ -108,6 +108,7 @@ evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night
 	    $(RUN) study cases/pinch/studies/$$study.csv || exit 1; done
 	@$(PY) -m docs.evidence.stability
 	@$(PY) -m docs.evidence.pinch
+	@$(PY) -m docs.evidence.air_and_water
 	@$(PY) -m docs.evidence.ranks
 	@$(PY) -m docs.evidence.laboratory 241 280
 	@$(MAKE) faults park bench-piv docs

@@ -272,7 +272,7 @@ def _pictures(scene: Scene, slower: float, sparser: int) -> str:
     few = apart > 2
     rate = sheet.rate_hz / slower / (sparser if few else 1)
     frames = (camera.frame_rate_hz or sheet.rate_hz) / slower
-    values = {
+    values: dict[str, dict[str, float]] = {
         "sheet": {"rate_hz": rate} if rate != sheet.rate_hz else {},
         "camera": {"frame_rate_hz": frames} if frames != rate or camera.frame_rate_hz else {},
         "piv": {} if few or sparser == 1 else {"every": sparser * piv.every},
@@ -337,8 +337,8 @@ pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing
 end_time = {end}  # s: when the smoothed pressure has arrived
 
 # Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
-# and scale_mm_per_px state a view. Time steps, checkpoints and pictures of the levels follow from the
-# tip's speed in modelled water and the length of the run. Model and mesh are {parent_name}'s.
+# and scale_mm_per_px state a view. Time steps, checkpoints and pictures of the levels follow from
+# the tip's speed in modelled water and the length of the run. Model and mesh are {parent_name}'s.
 {levels}"""
 
 

@@ -3,7 +3,7 @@
     python -m docs.evidence.air_and_water
 
 varies what is not known of the experiment, and writes docs/record/air_and_water_table.csv. Water is
-the modelled one, the damping that of the default loss factor. It takes a minute of CPU time.
+the modelled one, the damping that of the default loss factor. It takes three minutes of CPU time.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,9 +33,9 @@ _STIFFNESS = ("stiffness", "moment")  # of the bending law
 class Assumption:
     """What is not known of the experiment; the defaults are those of the scenes.
 
-    `turned_deg`: the finger in air against hanging; None: its weight acts across its plane. `depth`:
-    m of water over its middle, where the pressure was measured against the atmosphere. `filling`: s.
-    `model`: of the modelled water, by how much its numbers are larger.
+    `turned_deg`: the finger in air against hanging; None: its weight acts across its plane.
+    `depth`: m of water over its middle, where the pressure was measured against the atmosphere.
+    `filling`: s. `model`: factors on the numbers of the modelled water.
     """
 
     name: str
@@ -72,7 +72,8 @@ class Medium:
 
     def __init__(self, scene: Scene, given: Assumption, water: bool) -> None:
         states = read_states(scene.folder / str(scene.motion.states), scene.finger.thickness)
-        assert isinstance(states, BendingStates) and states.law is not None
+        assert isinstance(states, BendingStates)
+        assert states.law is not None
         stiffer = {name: given.stiffness * getattr(states.law, name) for name in _STIFFNESS}
         finger = ElasticFinger.of(scene, replace(states, law=replace(states.law, **stiffer)))
         self.chain = finger.chain
@@ -123,7 +124,7 @@ def row(scene: Scene, given: Assumption) -> dict[str, Any]:
         "in water": ", ".join(f"{1e3 * r:.1f}" for r in radii[1]),
         "water above air, %": ", ".join(above),
         "98 % after, s at 20 kPa: air": f"{first_air:.3f}",
-        "water": f"{first_water:.3f}",
+        "water, 98 %": f"{first_water:.3f}",
         "within 10 % after, s: air": f"{last_air:.3f}",
         "water, within 10 %": f"{last_water:.3f}",
     }

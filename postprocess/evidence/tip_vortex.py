@@ -11,8 +11,8 @@ REACH = 2.5  # tip widths; a vortex further off is not the tip's
 RIVAL = 0.5  # of the strongest's circulation: may be the vortex that another source sees
 KNOWN = 0.05  # standard uncertainty over circulation: a vortex that a wall hides is known less
 ENOUGH = 1 / 3  # of the instants; a circulation that is known at fewer is not judged
-# instants of a window that is judged: the mean of four, each known to KNOWN, is known to half of the
-# 5 % by which a circulation may differ
+# instants of a window that is judged: the mean of four, each known to KNOWN, is known to half of
+# the 5 % by which a circulation may differ
 FEWEST = 4
 COMPARED = ("circulation", "x", "y", "radius", "peak_vorticity")
 

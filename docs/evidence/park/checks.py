@@ -98,12 +98,13 @@ class Outcome:
         """Names of the checks that fail; of a run without a page that. A missing number fails."""
         if self.ended:
             return ["page"]
-        return [
-            name
-            for name, limit in LIMITS.items()
-            if not (isinstance(value := self.values.get(name), str) and value)
-            and not (value is not None and value <= limit.most)
-        ]
+        return [name for name in LIMITS if self._fails(name)]
+
+    def _fails(self, name: str) -> bool:
+        value = self.values.get(name)
+        if isinstance(value, str):
+            return not value
+        return value is None or not value <= LIMITS[name].most
 
 
 def checks(run: Run) -> dict[str, float | str]:

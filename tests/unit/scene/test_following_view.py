@@ -103,7 +103,7 @@ def test_the_view_holds_where_vortices_go_and_is_sharp_enough(tmp_path, shipped,
 
 
 def test_a_coupled_finger_is_seen_as_fast_as_water_lets_it_be():
-    """Prescribed, f90's tip has 2.3 m/s, in water 0.6: vortices of a sixteenth of the size count."""
+    """Prescribed, f90's tip has 2.3 m/s, in water 0.6: weaker vortices count."""
     strokes = [{"pressure_kpa": 20.0, "start": 0.005, "duration": 0.05}]
     moved = {"motion.strokes": strokes, "camera.centre": None}
     still, wet = (
