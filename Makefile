@@ -106,10 +106,8 @@ evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night
 	    $(RUN) study cases/single_finger/studies/$$study.csv || exit 1; done
 	@for study in stability variations contact; do \
 	    $(RUN) study cases/pinch/studies/$$study.csv || exit 1; done
-	@$(PY) -m docs.evidence.stability
-	@$(PY) -m docs.evidence.pinch
-	@$(PY) -m docs.evidence.air_and_water
-	@$(PY) -m docs.evidence.ranks
+	@for part in stability pinch air_and_water ranks; do \
+	    $(PY) -m docs.evidence.$$part || exit 1; done
 	@$(PY) -m docs.evidence.laboratory 241 280
 	@$(MAKE) faults park bench-piv docs
 
