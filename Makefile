@@ -83,7 +83,7 @@ validate: $(READY) ## flows of known answer, and convergence: docs/verification.
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
-	    --only grid_draft,grid_coarse,grid_medium,grid_fine,grid_reference,draft
+	    --only draft,coarse,medium,fine
 	@nice $(PY) -m docs.evidence.validation
 
 docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an hour), and the site
@@ -97,19 +97,8 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
 
-evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night)
-	@$(PY) -m docs.evidence.costs
-	@$(MAKE) tradeoff SCENE=single_finger
-	@$(PY) -m docs.evidence.predictability
-	@$(MAKE) validate
-	@for study in stability drawn coupling; do \
-	    $(RUN) study cases/single_finger/studies/$$study.csv || exit 1; done
-	@for study in stability variations contact; do \
-	    $(RUN) study cases/pinch/studies/$$study.csv || exit 1; done
-	@for part in stability pinch air_and_water ranks; do \
-	    $(PY) -m docs.evidence.$$part || exit 1; done
-	@$(PY) -m docs.evidence.laboratory 241 280
-	@$(MAKE) faults park bench-piv docs
+evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night; goes on where it stopped)
+	@$(PY) -m docs.evidence
 
 faults: ## kills, full disks, damaged files, two makes at once
 park: ## own fingers of every kind, and what must hold of them (hours; writes docs/park.md)

@@ -1,6 +1,7 @@
 """Sphinx configuration of `make docs`: pages of docs/ and docstrings, without network."""
 
 import ast
+import json
 import os
 import re
 import sys
@@ -81,7 +82,19 @@ def fill_page(app, page, source):
         folder = (ROOT / file).parent
     if page == "site/python":
         text += public_names()
+    text += origins(text, folder)
     source[0] = relink(name_pages(text, folder), folder, (DOCS / page).parent)
+
+
+def origins(text, of):
+    """When, and on which commit, the tables were made that `text` of folder `of` names."""
+    made = []
+    for file in dict.fromkeys(re.findall(r"[\w./-]+\.csv", text)):
+        first = (of / file).open(encoding="utf-8").readline() if (of / file).is_file() else ""
+        head = json.loads(first[1:]) if first.startswith("# {") else {}
+        if "commit" in head:
+            made.append(f"`{Path(file).name}` {head['made']}, commit {head['commit']}")
+    return f"\n\n*Made by commands: {'; '.join(made)}.*\n" if made else ""
 
 
 def name_pages(text, of):

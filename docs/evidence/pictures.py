@@ -22,6 +22,7 @@ from PIL import Image
 
 from docs.evidence import piv_pictures
 from pipeline.formats.records import RUN
+from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import load_scene
 from piv.files.atomic import write_bytes
 from piv.files.command import guarded
@@ -35,6 +36,7 @@ from postprocess.draw.style import CFD, new_figure, save
 from postprocess.report.wording import requirement
 from postprocess.tables import write_table
 from postprocess.words import VERDICTS, measured_text
+from softfinger.study.table import commit
 
 DOCS = Path("docs")
 # figures of a page that the docs show, beside the flow half-way through the run
@@ -70,7 +72,8 @@ def copy_numbers(scene: str, level: str) -> None:
     work, taken = abs(balance["work"]), balance["taken"]
     day = date.fromtimestamp((out / "run/run.json").stat().st_mtime)
     facts = {
-        "made": f"{day}, level {level}, model {run['model']}",
+        "made": f"{day}, level {level}, model {run['model']}, commit {commit()}",
+        "stages": ", ".join(f"{stage.name} {stage.version}" for stage in STAGES),
         "cells": f"{run['cells']:,}",
         "time steps": f"{run['steps']:,} of {run['time_step'] * 1e3:g} ms",
         "time of the solver": f"{run['wall_time']:.0f} s on {run['ranks']} ranks",

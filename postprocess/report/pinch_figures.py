@@ -67,7 +67,7 @@ def _both_pairs(album: Album, flow: Flow, integrals: pd.DataFrame) -> None:
         text = f"The {name} pair, flow between it {between}, {time:.3f} s, {gap}"
         alt = f"Velocity vectors and vorticity of the CFD. {text}."
         caption = f"{text}. Circles: as wide as the region that turns."
-        album.add(show(time), f"pair_{name}.webp", "pinch", alt, caption)
+        album.add(show(time), f"pair_{name}.webp", "pinch", alt, caption, time=float(time))
 
 
 def _free_gap(path: Path, time: ndarray) -> ndarray:

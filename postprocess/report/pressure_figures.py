@@ -38,4 +38,4 @@ def pressure_figure(album: Album, measured: xr.Dataset, plane: xr.Dataset, time:
     caption += "PIV has the pressure that the water's acceleration needs."
     alt = "Pressure around the finger from CFD and PIV, along its outline, and its moment."
     figure = draw_pressure.pressure_and_loads(planes, on_outline, table)
-    album.add(figure, "pressure.webp", "water", alt, caption)
+    album.add(figure, "pressure.webp", "water", alt, caption, time=float(now["time"]))

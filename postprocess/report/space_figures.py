@@ -85,7 +85,8 @@ def space_figures(folder: Path, flow: Flow) -> list[dict[str, Any]]:
     ):
         file = f"space_{part}.webp"
         text = f"{at}, {time:.3f} s"
-        album.add(picture(time, _STILL_DEG), file, "space", f"{text}: {what}, seen in space.", text)
+        alt = f"{text}: {what}, seen in space."
+        album.add(picture(time, _STILL_DEG), file, "space", alt, text, time=float(time))
     planes = {
         f"z = {z * MM:.0f} mm": _slice(fields, view, middle, z, flow)
         for z in (0.0, width / 4, width * _BESIDE)

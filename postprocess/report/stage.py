@@ -43,7 +43,7 @@ def make_report(files: StageFiles) -> Path:
         error=error,
         power=wording.power_sentence(run["power_balance"]),
         motion=figures["motion"],
-        tiles=wording.tiles(comparison),
+        tiles=wording.tiles(comparison, error.end),
         rows=wording.rows(comparison, bool(trial)),
         sentences=sentences,
         unquoted=unquoted,

@@ -178,20 +178,26 @@ def rows(comparison: dict[str, Any], trial: bool = False) -> list[dict[str, Any]
     return out
 
 
-def tiles(comparison: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Key numbers of the first screen: value, name, remark."""
+def tiles(comparison: dict[str, Any], end: float | None) -> list[tuple[str, str, str]]:
+    """Key numbers of the first screen: value, name, remark.
+
+    `end`: instant (s) at which the numbers of the level end, if that is known.
+    """
     summary, scale = comparison["summary"], comparison["scale"]["value"]
     out = [
         (quantity(scale, "m/s"), "peak speed of the tip", "the scale of every velocity difference")
     ]
     window = "{:.3f} to {:.3f} s".format(*comparison["judged_s"])
+    ended = ""
+    if end is not None and end < comparison["judged_s"][1]:
+        ended = f"; the level's numbers end at {end:.3f} s"
     for source in ("cfd", "piv"):
         if source in summary:
             mean = summary[source]["circulation_mean"]
             sense = "clockwise" if mean < 0 else "counter-clockwise"
             remark = (
                 f"mean of {summary[source]['instants']} instants, {window};"
-                f" {sense}, {summary[source]['side'] or 'undecided'} side"
+                f" {sense}, {summary[source]['side'] or 'undecided'} side{ended}"
             )
             out.append((quantity(abs(mean), "m²/s"), f"tip vortex, {PAIRS[source]}", remark))
     if "piv-cfd" not in summary:

@@ -25,6 +25,7 @@ from postprocess.tables import write_table as write_csv
 
 _MB = 1e-6
 _IMPACT = 0.05  # s
+_SOURCES = ("*.py", "*.toml", ":(glob)cases/*/studies/*.csv")
 _SHARED = ["fea", *(stage.name for stage in until("vortices"))]
 
 
@@ -38,8 +39,7 @@ def read_plan(path: Path) -> dict[str, Any]:
 def origin(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """What a table of a plan's `runs` was made from: date, commit, and the stages' versions.
 
-    The version of a coupled run's own stage is that of `<stage>_coupled`. The commit ends with
-    "-dirty" where files were changed since, and is empty without git.
+    The version of a coupled run's own stage is that of `<stage>_coupled`.
     """
     stages: dict[str, int] = {}
     for row in runs:
@@ -48,14 +48,25 @@ def origin(runs: list[dict[str, Any]]) -> dict[str, Any]:
             for name in (stage.name for stage in until(row["until"])):
                 kind = "_coupled" if run.scene.coupled and name in COUPLED else ""
                 stages[f"{name}{kind}"] = run.stage(name).version
-    command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
-    home = Path(__file__).parent
-    commit = ""
-    with suppress(OSError):
-        git = subprocess.run(command, cwd=home, capture_output=True, text=True, check=False)
-        commit = git.stdout.strip()
     date = datetime.now(UTC).date().isoformat()
-    return {"made": date, "commit": commit, "stages": dict(sorted(stages.items()))}
+    return {"made": date, "commit": commit(), "stages": dict(sorted(stages.items()))}
+
+
+def commit() -> str:
+    """Commit of this code; "" without git.
+
+    It ends with "-dirty" where code, scenes or tables of runs were changed, not where results were.
+    """
+    home = Path(__file__).parents[2]
+
+    def git(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(["git", *words], cwd=home, capture_output=True, text=True)
+
+    with suppress(OSError):
+        name = git("describe", "--always", "--exclude", "*").stdout.strip()
+        changed = git("diff", "--quiet", "HEAD", "--", *_SOURCES).returncode == 1
+        return f"{name}-dirty" if changed else name
+    return ""
 
 
 def files_of(row: dict[str, Any]) -> StageFiles:

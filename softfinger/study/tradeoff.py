@@ -27,8 +27,8 @@ from softfinger.study.table import (
     study_table,
 )
 
-# A run that overrides it shows how grids converge: nobody chooses it.
-PART_OF_STROKE = "motion.end_time"
+# A run that overrides one shows how results respond: it judges no other, and nobody chooses it.
+_TRIALS = {"motion.end_time", "fluid.kinematic_viscosity"}
 _OF_THE_REPORT = [stage.name for stage in until("report") if stage not in until("vortices")]
 _ROUNDING = 1e-9  # s
 _LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "numba")
@@ -78,7 +78,7 @@ def finest(plan: dict[str, Any]) -> str:
     whole = [
         row
         for row in plan["runs"]
-        if row["until"] != "vortices" and PART_OF_STROKE not in row["overrides"]
+        if row["until"] != "vortices" and _TRIALS.isdisjoint(row["overrides"])
     ]
     if not whole:
         raise ValueError("the study has no run of a whole stroke to judge the others by")
@@ -120,8 +120,8 @@ def _evaluate(plan: dict[str, Any], best: str) -> tuple[pd.DataFrame, pd.DataFra
     rows = {row["run"]: files_of(row) for row in plan["runs"]}
     table = study_table(plan, {}).set_index("run", drop=False)
     is_piv = table["until"].eq("vortices")
-    is_part = pd.Series({row["run"]: PART_OF_STROKE in row["overrides"] for row in plan["runs"]})
-    table["kind"] = np.where(is_piv, "piv", np.where(is_part, "grid", "flow"))
+    trial = pd.Series({row["run"]: bool(_TRIALS & set(row["overrides"])) for row in plan["runs"]})
+    table["kind"] = np.where(is_piv, "piv", np.where(trial, "trial", "flow"))
     for run, files in rows.items():
         costs = {}
         if table.loc[run, "until"] == "report":

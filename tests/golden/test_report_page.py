@@ -107,8 +107,12 @@ def test_the_mean_circulations_are_of_the_instants_at_which_both_are_known(made)
     # gain 0.98 with 0.5 % of noise; linear between instants, as below
     ratio = summary["piv"]["circulation_mean"] / summary["cfd"]["circulation_mean"]
     assert ratio == pytest.approx(0.98, abs=0.01)
-    remarks = {name: remark for _, name, remark in wording.tiles(result(made))}
+    remarks = {name: remark for _, name, remark in wording.tiles(result(made), None)}
     assert remarks["tip vortex, CFD"].startswith(f"mean of {summary['cfd']['instants']} instants")
+    assert remarks["tip vortex, CFD"].endswith(" side")
+    # a mean that goes on after the level's numbers have ended says so
+    remarks = {name: remark for _, name, remark in wording.tiles(result(made), 0.2)}
+    assert remarks["tip vortex, CFD"].endswith("; the level's numbers end at 0.200 s")
 
 
 def test_known_differences_come_out_of_the_files(made):
@@ -173,7 +177,7 @@ def test_a_circulation_that_missing_vectors_hide_is_undecided(tmp_path, shown, m
     assert counted in check["notes"][-1]
     assert counted in text
     assert text.startswith("Agrees: " if met else "Undecided in the circulation of the tip")
-    remarks = {name: remark for _, name, remark in wording.tiles(result(files))}
+    remarks = {name: remark for _, name, remark in wording.tiles(result(files), None)}
     assert ("difference of circulation" in remarks) is bool(met)
     assert counted in remarks.get("difference of circulation", counted)
 

@@ -26,12 +26,12 @@ DRAWN = Path("cases/single_finger/out/studies/drawn/plan.json")
 PLANS = [Path(PLAN.format(name)) for name in ("single_finger", "pinch")]
 FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
-FINE = ("completed", "refused", "stopped", "all flagged")
+FINE = ("completed", "refused", "stopped", "wrong", "all flagged")  # wrong: with a warning
 RUN_COLUMNS = (
     "scene", "axis", "value", "level", "ranks", "ended", "stage", "stopped_at_s", "bend_deg",
     "tip_speed", "tip_acceleration", "cells", "steps", "courant_max", "continuity_max",
     "non_orthogonality_deg", "work_J", "kinetic_J", "closure_fraction", "from_nothing_fraction",
-    "peak_force_N", "force_of_plate", "cpu_s", "reason",
+    "peak_force_N", "force_of_plate", "warning", "cpu_s", "reason",
 )  # fmt: skip
 DRAWN_COLUMNS = (
     "run", "level", "numerics.time_step", "motion.strokes", "mesh.wall_cell", "ended", "error_peak",
@@ -65,6 +65,7 @@ def judge(part: str | None) -> list[dict[str, Any]]:
         drawn_rows = [run | drawn.result(run, finer) for run, finer in pairs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
         write_table(FOLDER / "drawn.csv", table, origin(plan) | made)
+        print("; ".join(f"{k} {v:.2g}" for k, v in drawn.calibrated(table).items()))
         ended += drawn_rows
     if part in (None, "images"):
         pictures = [(case, preset) for case in images.cases() for preset in PRESETS]

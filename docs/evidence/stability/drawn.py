@@ -1,15 +1,15 @@
 """Drawn runs against their like with half the step and finer cells: which are wrong unwarned?
 
-`python -m docs.evidence.stability.drawn SEED COUNT` draws the study
+`python -m docs.evidence.stability.drawn` draws the study
 cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
 """
 
 import csv
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from docs.evidence.stability import solver
 from pipeline.formats.records import FORCES, RUN
@@ -17,22 +17,27 @@ from pipeline.solve.guards import force_change
 from softfinger.study.outcome import outcome_is_there
 
 TABLE = Path("cases/single_finger/studies/drawn.csv")
+DRAWS = (("smoke", 41, 40), ("draft", 52, 12))  # level, seed, pairs
 WRONG = 0.2  # of peak force or impulse
+_RESOLVED = 0.2  # change of the force below which the cells decide the error
 _FINER = "_fine"  # end of the name of a run with half the step and cells 2/3 as large
 _FINE = 2 / 3
 _VARIED = ("numerics.time_step", "motion.strokes", "mesh.wall_cell")
 # rates (Hz) at which both time steps (s) sample the sheet
 _STEPS = {1e-3: 200, 2e-3: 250, 2.5e-3: 200, 4e-3: 250, 5e-3: 200, 8e-3: 125, 10e-3: 100}
 _RISES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6)  # s
-_MOST_STEPS = 200  # of a rise
+_MOST_STEPS = {"smoke": 200, "draft": 100}  # of a rise
 _PRESSURES = (-20.0, 10.0, 20.0, 30.0)  # kPa
-_CELLS = (0.8, 1.0, 1.25, 1.6)
+_CELLS = {"smoke": (0.8, 1.0, 1.25, 1.6), "draft": (1.0, 1.25, 1.6)}  # over those of the level
 _START, _REST = 0.005, 0.015  # s, before and after the rise
-# of levels smoke and draft, m
+# of the levels, m: draft is in space
 _SIZES = {
     "smoke": {"wall_cell": 2.4e-3, "tip_cell": 1.4e-3, "near_cell": 3e-3, "far_cell": 25e-3},
-    "draft": {"wall_cell": 3.9e-3, "tip_cell": 0.65e-3, "near_cell": 1.5e-3, "far_cell": 37.5e-3},
-}
+    "draft": {
+        "wall_cell": 3.9e-3, "tip_cell": 0.65e-3, "near_cell": 1.5e-3, "far_cell": 37.5e-3,
+        "edge_layer": 0.65e-3, "sheet_layer": 1.5e-3,
+    },
+}  # fmt: skip
 
 
 def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
@@ -40,8 +45,8 @@ def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
     random, rows = np.random.default_rng(seed), list[dict[str, Any]]()
     while len(rows) < 2 * count:
         step, rise = random.choice([*_STEPS]), random.choice(_RISES)
-        kpa, cells = random.choice(_PRESSURES), random.choice(_CELLS)
-        if rise / step > _MOST_STEPS:
+        kpa, cells = random.choice(_PRESSURES), random.choice(_CELLS[level])
+        if rise / step > _MOST_STEPS[level]:
             continue
         end = step * np.ceil((_START + rise + _REST) / step)
         stroke = f'[{{"pressure_kpa": {kpa:g}, "start": {_START:g}, "duration": {rise:g}}}]'
@@ -69,11 +74,30 @@ def result(run: dict[str, Any], finer: dict[str, Any]) -> dict[str, Any]:
     }
     wrong, warned = max(errors.values()) > WRONG, bool(record["power_balance"]["warning"])
     return about | {
-        "ended": "UNWARNED" if wrong and not warned else "completed",
+        "ended": ("wrong" if warned else "UNWARNED") if wrong else "completed",
         **{name: round(error, 3) for name, error in errors.items()},
         "force_change": round(force_change(force), 3),
         "unexplained_share": round(record["power_balance"]["unexplained_share"], 3),
         "warned": "yes" if warned else "no",
+    }
+
+
+def calibrated(table: pd.DataFrame) -> dict[str, float]:
+    """What drawn pairs (drawn.csv) say of the warning of the time step.
+
+    `factor`: error of peak force and impulse over the square of the force's change from step to
+    step, at the 90th percentile of the runs whose change is at least _RESOLVED; `limit`: the
+    largest error, by this factor, at which every wrong run is warned of; `unwarned`: the largest
+    error of a run without a warning.
+    """
+    ended = table[table["ended"].isin(("completed", "wrong", "UNWARNED"))]
+    error = ended[["error_peak", "error_impulse"]].astype(float).max(axis=1)
+    change = ended["force_change"].astype(float)
+    factor = float((error / change**2)[change >= _RESOLVED].quantile(0.9))
+    return {
+        "factor": factor,
+        "limit": factor * float(change[error > WRONG].min()) ** 2,
+        "unwarned": float(error[ended["warned"] == "no"].max()),
     }
 
 
@@ -94,20 +118,19 @@ def pairs(runs: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, An
     return [(made[n], made[n + _FINER]) for n in made if n + _FINER in made]
 
 
-def main(level: str, seed: int, count: int) -> None:
-    """Add drawn rows to the study."""
-    rows = draw(level, seed, count)
-    new = not TABLE.exists()
-    with TABLE.open("a", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
-        if new:
-            file.write(
-                "# Drawn runs, each with its like at half the step and finer cells, by"
-                " docs/evidence/stability/drawn.py.\n"
-            )
-            writer.writeheader()
+def main() -> None:
+    """Write the study's table anew."""
+    rows = [row for draws in DRAWS for row in draw(*draws)]
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        file.write(
+            "# Drawn runs, each with its like at half the step and finer cells, by"
+            " docs/evidence/stability/drawn.py.\n"
+        )
+        columns = dict.fromkeys(key for row in rows for key in row)
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
         writer.writerows(rows)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    main()

@@ -7,16 +7,18 @@ import pandas as pd
 from postprocess.tables import write_table
 
 ENDINGS = {
-    "completed": "completed, energy bounded",
+    "completed": "completed",
     "refused": "refused beforehand",
     "stopped": "stopped by a guard",
+    "wrong": "completed but wrong by a fifth, with a warning",
+    "UNWARNED": "completed but wrong by a fifth, without a warning",
     "all flagged": "every vector marked as bad",
     "WRONG": "plausible wrong answer",
-    "UNWARNED": "completed, a fifth wrong without a warning",
     "CRASH": "crash",
     "FAILED": "solver failed",
     "HANG": "hang",
 }
+_NOT_OF_RUNS = {"wrong", "UNWARNED"}  # only drawn runs have a finer like
 
 
 def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
@@ -35,11 +37,14 @@ def write(folder: Path) -> None:
         for path in (folder / f"{name}.csv" for name in ("runs", "drawn", "images", "faults"))
         if path.exists()
     }
+    drawn = tables.pop("drawn")
+    in_space = drawn["level"] != "smoke"
+    tables |= {"drawn, plane": drawn[~in_space], "drawn, in space": drawn[in_space]}
     endings = pd.DataFrame({"ending": ENDINGS.values()})
     for name in [name for name in tables if name != "faults"]:
         count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
-        if name != "drawn":
-            count["UNWARNED"] = "not judged"
+        if name == "runs":
+            count |= dict.fromkeys(_NOT_OF_RUNS, "not judged")
         endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from piv.files.atomic import write_text
 from piv.files.provenance import versions
+from softfinger.study.table import commit
 
 FORMAT, FORMAT_VERSION = "checks", 1
 NUMBERS = r"\[[-+\d.eE,\s]+\]"  # lists of numbers are written in one line
@@ -74,6 +75,7 @@ def write_result(result: Result, path: Path) -> None:
     content |= {
         "checks": [asdict(c) | {"deviation": c.deviation, "met": c.met} for c in result.checks],
         "date": datetime.now(UTC).date().isoformat(),
+        "commit": commit(),
         "versions": versions() | result.provenance.get("versions", {}),
         "provenance": {k: v for k, v in result.provenance.items() if k != "versions"},
     }

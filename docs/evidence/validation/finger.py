@@ -9,18 +9,18 @@ import xarray as xr
 
 from docs.evidence.validation.checks import Check, Result
 from docs.evidence.validation.convergence import Estimate, estimate
-from docs.evidence.validation.solve import CASES, record_of, solved
+from docs.evidence.validation.solve import CASES, record_of, solved, stage_versions
 from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene, load_scene
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.dorsal_circulation import dorsal_circulation
+from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.tip_vortex import COMPARED, dominant_track, read_vortices
-from softfinger.study.table import files_of, middle_of_stroke, missing_runs, read_plan
-from softfinger.study.tradeoff import PART_OF_STROKE
+from softfinger.study.table import middle_of_stroke, missing_runs, read_plan
 
 GRIDS = ("g141", "g100", "g071", "g050")
 STEPS = ("dt200", "g100", "dt050", "dt025")
-STUDY = Path("out") / "studies" / "tradeoff" / "plan.json"  # its family of grids
+STUDY = Path("out") / "studies" / "tradeoff" / "plan.json"  # its levels
 JUDGED = {"coarse": 0.08, "medium": 0.04}  # levels: largest uncertainty of the circulation
 QUANTITIES = {
     "dorsal": "circulation of the tip's dorsal side",
@@ -167,36 +167,27 @@ def two_dimensional() -> Result:
     return Result("finger_2d", scene.title, text, tuple(checks), curves, remarks, origin)
 
 
-def _family(folder: Path) -> tuple[list[Scene], tuple[float, float]] | None:
-    """The family of grids of a scene's study, from coarse to fine, and its window (s).
+def _family(folder: Path) -> list[Scene]:
+    """The levels in space of a scene's study, from coarse to fine, each as it is, that were made.
 
-    The window begins with the middle half of a whole stroke. None where fewer than three grids
-    have been run, or no kinematics of a whole stroke.
+    Such a run has its level's name.
     """
     if not (folder / STUDY).exists():
-        return None
+        return []
     plan = read_plan(folder / STUDY)
-    missing = missing_runs(plan)
-    grids, strokes = [], []
-    for row in plan["runs"]:
-        if PART_OF_STROKE not in row["overrides"]:
-            if files_of(row).optional("kinematics.h5") is not None:
-                strokes.append(row)
-        elif row["run"] not in missing:
-            grids.append(row)
-    if len(grids) < 3 or not strokes:
-        return None
-    scenes = [run_of(row).scene for row in grids]
-    begin, end = middle_of_stroke(files_of(strokes[0]))
-    return scenes, (begin, min(end, scenes[0].motion.end_time))
+    rows = [row for row in plan["runs"] if row["run"] == row["level"]]
+    missing = missing_runs({"runs": rows})
+    scenes = [run_of(row).scene for row in rows if row["run"] not in missing]
+    in_space = [scene for scene in scenes if scene.model.kind != "2d"]
+    return sorted(in_space, key=lambda scene: record_of(scene)["cells"])
 
 
 def three_dimensional(folder: Path) -> Result | None:
     """The family of grids of the scene in `folder`; None where fewer than three have been run."""
-    family = _family(folder)
-    if family is None:
+    scenes = _family(folder)
+    if len(scenes) < 3:
         return None
-    scenes, window = family
+    window = middle_of_stroke(StageFiles(scenes[-1]))
     runs = [_read_run(scene, window) for scene in scenes]
     levels = [r.level for r in runs]
     checks = []
@@ -206,7 +197,7 @@ def three_dimensional(folder: Path) -> Result | None:
         f"{folder.name} at its levels {', '.join(levels)}: a family of grids whose sizes all"
         f" shrink by 2/3, all at {1e3 * runs[0].time_step:g} ms and to"
         f" {scenes[0].motion.end_time:g} s. Circulation and centre are means from"
-        f" {window[0]:.3f} s, where the middle half of the stroke begins, to {window[1]:.3f} s; of"
+        f" {window[0]:.3f} to {window[1]:.3f} s, the middle half of the stroke; of"
         " the dorsal side's, the part that is not prescribed. Representative cell"
         " ∛(volume / cells)."
     )
@@ -218,4 +209,5 @@ def three_dimensional(folder: Path) -> Result | None:
 
 def _provenance(scene: Scene) -> dict:
     versions = {"OpenFOAM": record_of(scene)["versions"]["OpenFOAM"]}
-    return {"versions": versions, "level": scene.level}
+    stages = stage_versions("vortices_cfd")
+    return {"versions": versions, "level": scene.level, "stages": stages}

@@ -25,7 +25,8 @@ def _flow(result: dict[str, Any]) -> dict[str, str]:
     met = sum(check["met"] for check in checks)
     sources = sorted({check["source"] for check in checks if check["source"]})
     score = {"flow": result["title"], "checks met": f"{met} of {len(checks)}"}
-    return score | {"measured": result["date"], "reference": "; ".join(sources)}
+    measured = f"{result['date']} {result.get('commit', '')}".strip()
+    return score | {"measured": measured, "reference": "; ".join(sources)}
 
 
 def _unit(check: dict[str, Any]) -> str:

@@ -52,6 +52,11 @@ def solved(row: str, study: str = "validation", stage: str = "sheet") -> Scene:
     return run.scene
 
 
+def stage_versions(last: str) -> dict[str, int]:
+    """Versions of the stages of a prescribed run up to the last one."""
+    return {stage.name: stage.version for stage in until(last)}
+
+
 def _spent(scene: Scene) -> dict[str, float]:
     """CPU seconds of all stages of a run; empty where one has no record."""
     records = [read_record(scene.out, stage.name) for stage in until("sheet")]
@@ -65,6 +70,7 @@ def provenance(scene: Scene) -> dict[str, Any]:
     return {
         "versions": {"OpenFOAM": record["versions"]["OpenFOAM"]},
         "level": scene.level,
+        "stages": stage_versions("sheet"),
         **{key: record[key] for key in RECORDED},
         "power_balance_closure": record["power_balance"]["closure_fraction"],
         **_spent(scene),

@@ -11,7 +11,8 @@ from tests.conftest import ROOT
 
 def test_each_drawn_run_has_its_like_at_half_the_step_and_finer_cells():
     rows = read_study(ROOT / drawn.TABLE)
-    assert len(rows) == 80
+    assert [row.level for row in rows].count("smoke") == 80
+    assert [row.level for row in rows].count("draft") == 24
     for run, finer in zip(rows[::2], rows[1::2], strict=True):
         assert finer.run == f"{run.run}_fine"
         step, cell = "numerics.time_step", "mesh.wall_cell"
@@ -22,7 +23,7 @@ def test_each_drawn_run_has_its_like_at_half_the_step_and_finer_cells():
 
 @pytest.mark.parametrize(
     "factor, warning, ended",
-    [(1.1, "", "completed"), (1.3, "", "UNWARNED"), (1.3, "lower the step", "completed")],
+    [(1.1, "", "completed"), (1.3, "", "UNWARNED"), (1.3, "lower the step", "wrong")],
 )
 def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
     tmp_path, monkeypatch, factor, warning, ended

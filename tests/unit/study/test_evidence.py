@@ -1,16 +1,31 @@
-"""The tables of the documentation are of this code."""
+"""The tables of the documentation are of this code, and one command makes them."""
 
 import json
+import re
+import sys
+from importlib.util import find_spec
 
+import pandas as pd
 import pytest
 
+from docs.evidence import __main__ as evidence
 from pipeline.runs.stages import BY_NAME, COUPLED
+from softfinger.study.rows import read_study
 from softfinger.study.table import origin
 from tests.conftest import CASES, ROOT
 
 TABLES = [*(ROOT / "docs").rglob("*.csv"), *(ROOT / "cases").glob("*/studies/results/*.csv")]
-# of before the tables stated their stages; `make evidence` was not run since
+# of before they stated their stages; `make evidence` was not run since
 OLDER = {"docs/stability/runs.csv", "docs/stability/images.csv"}
+OLDER_CHECKS = {
+    "accelerating_cylinder", "cantilever_plate", "finger", "finger_2d", "impulsive_cylinder",
+    "oscillating_cylinder", "plate_accelerating", "plate_impulsive", "plate_medium_layer",
+    "plate_thin_layer", "sprung_cylinder",
+}  # fmt: skip
+OF_NO_STAGE = {"deforming_mesh", "ringdown"}  # checks of a case of their own, and of recordings
+OLDER_SCENES = {"cycle", "pinch", "single_deflate", "single_finger"}
+CODE = {name: stage.version for name, stage in BY_NAME.items()}
+CODE |= {f"{name}_coupled": stage.version for name, stage in COUPLED.items()}
 
 
 def head_of(path):
@@ -22,14 +37,93 @@ def head_of(path):
 
 def test_tables_state_the_stages_of_this_code():
     """Where one fails, make it anew: the head of each table says which stages it used."""
-    code = {name: stage.version for name, stage in BY_NAME.items()}
-    code |= {f"{name}_coupled": stage.version for name, stage in COUPLED.items()}
     heads = {str(path.relative_to(ROOT)): head_of(path) for path in TABLES}
     made = {path: head for path, head in heads.items() if head and path not in OLDER}
     assert made
     for path, head in made.items():
         assert head["commit"], path
-        assert head["stages"] == {name: code[name] for name in head["stages"]}, path
+        assert head["stages"] == {name: CODE[name] for name in head["stages"]}, path
+
+
+def test_checks_state_the_stages_of_this_code():
+    for path in (ROOT / "docs" / "verification").glob("*.json"):
+        result = json.loads(path.read_text(encoding="utf-8"))
+        if path.stem not in OLDER_CHECKS | OF_NO_STAGE:
+            stages = result["provenance"]["stages"]
+            assert result["commit"], path
+            assert stages == {name: CODE[name] for name in stages}, path
+
+
+def test_numbers_of_scenes_state_the_stages_of_this_code():
+    for path in (ROOT / "docs" / "scenes").glob("*_run.csv"):
+        if path.stem.removesuffix("_run") not in OLDER_SCENES:
+            stated = pd.read_csv(path, index_col="run")["value"]
+            stages = dict(pair.split() for pair in stated["stages"].split(", "))
+            assert stages == {name: str(CODE[name]) for name in stages}, path
+            assert re.search(r"commit \w{8}", stated["made"]), path
+
+
+@pytest.fixture
+def night(tmp_path, monkeypatch):
+    """A function that makes the Night of parts of given commands, whose table is in tmp_path."""
+    monkeypatch.setattr(evidence, "STATE", tmp_path / "state")
+    monkeypatch.setattr(evidence, "TABLE", tmp_path / "parts.csv")
+    (tmp_path / "parts.csv").write_text("part,cpu_h,from,made,commit\na,2.00,estimate,,\n")
+
+    def make(texts, at="abc", **after):
+        parts = {
+            name: evidence.Part(((sys.executable, "-c", text),), after.get(name, ()))
+            for name, text in texts.items()
+        }
+        return evidence.Night(parts, at)
+
+    return make
+
+
+def test_a_night_runs_each_part_once_after_those_that_it_reads(night, tmp_path, capsys):
+    log = tmp_path / "log"
+    write = "open({!r}, 'a').write({!r})"
+    texts = {name: write.format(str(log), name) for name in "abc"}
+    texts["d"] = "raise SystemExit(3)"
+    after = {"a": ("b",), "b": ("c",)}
+    assert night(texts, **after).run() == ["d"]
+    assert log.read_text() == "cba"
+    said = capsys.readouterr().out
+    assert "d FAILED, code 3" in said
+    assert "(4 of 4 ended, about 0.0 h left)" in said
+    table = pd.read_csv(evidence.TABLE, index_col="part", dtype=str)
+    # of a part whose runs were there the last cost stays; a failed one is not written
+    assert table.loc["a", ["cpu_h", "from", "commit"]].to_list() == ["2.00", "whole", "abc"]
+    assert set(table.index) == {"a", "b", "c"}
+
+    # what has failed is tried again, and nothing else
+    texts["d"] = write.format(str(log), "d")
+    assert night(texts, **after).run() == []
+    assert log.read_text() == "cbad"
+    # on another commit all is due
+    later = night(texts, "def", **after)
+    assert later.left() == 2.0
+    later.run()
+    assert sorted(log.read_text()) == sorted(2 * "abcd")
+
+
+def test_the_parts_of_the_evidence_are_commands_that_exist():
+    for name, part in evidence.PARTS.items():
+        assert set(part.after) <= evidence.PARTS.keys(), name
+        for words in part.commands:
+            if words[1] == "-m":
+                assert find_spec(words[2]), words
+            if words[1] == "study":
+                assert (ROOT / words[2]).exists(), words
+    assert set(pd.read_csv(ROOT / evidence.TABLE)["part"]) <= evidence.PARTS.keys()
+
+
+def test_measured_pressures_that_rows_of_studies_name_are_there():
+    rows = read_study(CASES / "single_finger" / "studies" / "stability.csv")
+    files = [row.overrides.get("motion.pressure_csv") for row in rows]
+    named = [file for file in files if file]
+    assert len(named) == 4
+    assert all((CASES / "single_finger" / file).exists() for file in named)
 
 
 @pytest.mark.parametrize("source, names", [("fea", {"solve"}), ("structure", {"solve_coupled"})])
