@@ -96,18 +96,19 @@ def _arcs(path: Path, length: float, curves: dict[str, float]) -> None:
 
 
 def runs(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Run]]:
-    """The runs of a scene: its own motion with PIV, at draft where it says so, and the other.
+    """The runs of a scene: its own motion, at draft where it says so, and the other motion.
 
-    A coupled scene's prescribed motion has PIV where the entry says `whole`, else PIV=0.
+    With PIV where the entry says so; `piv = "own"`: of its own motion at smoke alone.
     """
-    coupled, whole = entry.get("coupled", True), entry.get("whole", False)
+    coupled, piv = entry.get("coupled", True), entry.get("piv", False)
     own = "coupled" if coupled else "prescribed"
-    yield own, open_moved(folder, LEVEL, coupled)
+    wanted = [(own, LEVEL, coupled, bool(piv))]
     if coupled and not entry.get("alone", False):
-        other = open_moved(folder, LEVEL, False, None if whole else False)
-        yield "prescribed" if whole else "prescribed, PIV=0", other
+        wanted.append(("prescribed", LEVEL, False, piv is True))
     if entry.get("draft", False):
-        yield f"{own}, draft", open_moved(folder, "draft", coupled)
+        wanted.append((f"{own}, draft", "draft", coupled, piv is True))
+    for name, level, moved, filmed in wanted:
+        yield name + ", PIV=0" * (not filmed), open_moved(folder, level, moved, filmed)
 
 
 def made(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Outcome]]:
