@@ -14,9 +14,9 @@ from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
 from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.shapes import circular_states
-from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.estimate import duration, estimate, of_page
 from pipeline.runs.run import open_run
-from pipeline.runs.stages import FEA, STAGES
+from pipeline.runs.stages import FEA
 from pipeline.scene.measurement import frames_apart
 from pipeline.scene.predicted import predicted
 from pipeline.scene.read_toml import command, read_layers
@@ -353,7 +353,7 @@ def advice(scene: Scene) -> str:
         f"{command('fea', folder):40s} about {duration(estimate(runs[0], FEA.name)[0])}",
     ]
     for level, run in zip(_LEVELS, runs, strict=True):
-        seconds = sum(estimate(run, stage.name)[0] for stage in STAGES)
+        seconds = of_page(run)
         lines.append(
             f"{command('run', folder, level):40s} about {duration(seconds)}; the flow:"
             f" {predicted(run.scene)}{'; 2-D: to try' if level == 'smoke' else ''}"

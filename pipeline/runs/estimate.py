@@ -3,12 +3,17 @@
 from pipeline.fea.sections import sections
 from pipeline.fea.settings import UNCERTAIN_AT_KPA
 from pipeline.runs.run import Run
-from pipeline.runs.stages import FEA
+from pipeline.runs.stages import FEA, FILMED, STAGES
 from pipeline.scene.predicted import predicted
 from piv.files.record import read_record
 
 # relative to coarse
-_SCALE = {"smoke": 0.25, "draft": 0.5, "medium": 2.0, "fine": 4.0, "reference": 8.0}
+_SCALE = {"smoke": 0.5, "draft": 0.75, "medium": 2.0, "fine": 4.0, "reference": 8.0}
+# sizes of single_finger at coarse, whose costs the stages state
+_SIZES = {"samples": 2.02e7, "pixels": 2.75e8, "vectors": 2.15e6}
+_STEP = (
+    0.02  # s of a coupled time step, besides the solver's: the chain, and files of a moving mesh
+)
 
 
 def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]:
@@ -25,8 +30,17 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
     scale = _SCALE.get(run.scene.level, 1.0)
     if step.ranks:
         size = predicted(run.scene)
-        return size.cpu * step.slower, max(memory, size.memory / 1e6)
+        coupled = _STEP * size.steps * run.scene.coupled
+        return size.cpu * step.slower + coupled, max(memory, size.memory / 1e6)
+    if step.grows:
+        return seconds * getattr(predicted(run.scene), step.grows) / _SIZES[step.grows], memory
     return seconds * scale, memory * max(1.0, scale)
+
+
+def of_page(run: Run, recorded: bool = True) -> float:
+    """CPU seconds of all stages that a run's page needs, without the bending analysis."""
+    needed = (s.name for s in STAGES if run.scene.filmed or s.name not in FILMED)
+    return sum(estimate(run, name, recorded)[0] for name in needed)
 
 
 def duration(seconds: float) -> str:

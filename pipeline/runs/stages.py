@@ -13,7 +13,8 @@ class Stage:
     run. sections: keys of the scene that the result depends on, True for all. version: a new one
     makes results stale. by_sources: each change of its code makes results stale, too. cost: CPU
     seconds and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by
-    bending state. slower: CPU time over that of the prescribed run of the same scene.
+    bending state. grows: the attribute of a scene's predicted size that it is in proportion to.
+    slower: CPU time of the solver over that of the prescribed run of the same scene.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Stage:
     piv: bool = False
     folders: tuple[str, ...] = ()
     cost: tuple[float, float] = (0, 0)
+    grows: str = ""
     slower: float = 1.0
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
@@ -84,32 +86,32 @@ STAGES = (
     Stage(
         "sheet", "pipeline.sheet", "the flow in the laser sheet",
         ("solve",), ("sheet.h5",), {"sheet": {"spacing", "margin", "every"}, "camera": _SHEET_GRID},
-        cost=(14, 500),
+        cost=(14, 500), grows="samples",
     ),
     Stage(
         "images", "piv.commands.render", "what a camera would see",
         ("sheet",), ("images.h5",), {"camera": True, "sheet": {"rate_hz", "thickness"}},
-        piv=True, cost=(40, 600), temporary=True,
+        piv=True, cost=(40, 600), grows="pixels", temporary=True,
     ),
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",
         ("images",), ("piv.h5",), {"piv": True},
-        version=3, piv=True, cost=(25, 800), threads=True,
+        version=3, piv=True, cost=(25, 800), grows="vectors", threads=True,
     ),
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",
         ("piv",), ("pressure.h5",), {"fluid": {"density", "kinematic_viscosity"}},
-        version=2, piv=True, cost=(24, 600),
+        version=2, piv=True, cost=(24, 600), grows="vectors",
     ),
     Stage(
         "vortices_cfd", "piv.commands.vortices", "vortices of the CFD and their tracks",
         ("sheet",), ("vortices_cfd.csv",), {"vortices": True},
-        group="vortices", piv=True, cost=(16, 500), threads=True, by_sources=True,
+        group="vortices", piv=True, cost=(16, 500), grows="samples", threads=True, by_sources=True,
     ),
     Stage(
         "vortices_piv", "piv.commands.vortices", "vortices of the PIV and their tracks",
         ("piv",), ("vortices_piv.csv",), {"vortices": True},
-        group="vortices", piv=True, cost=(5, 500), threads=True, by_sources=True,
+        group="vortices", piv=True, cost=(5, 500), grows="vectors", threads=True, by_sources=True,
     ),
     Stage(
         "compare", "postprocess.compare.stage", "CFD and PIV against the scene's findings",
@@ -148,8 +150,8 @@ COUPLED = {
             sections=BY_NAME["kinematics"].sections | _STRUCTURE,
         ),
         replace(BY_NAME["case"], version=4),
-        # 1.1 to 1.5 in docs/coupling.md
-        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2, slower=1.4),
+        # 1.01 to 1.3 at draft and coarse in docs/coupling.md
+        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2, slower=1.15),
         *(
             replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
             for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.scene.measurement import frames_apart
+
 _MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
 # of a run by cell, time step and pressure corrector (docs/tradeoff.md: 2.1 to 2.5e-6)
 _SECONDS_PER_CELL = 2.4e-6
@@ -14,11 +16,18 @@ _SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 
 @dataclass(frozen=True)
 class Size:
-    """Cells, time steps and camera frames; memory and disk in bytes, CPU time in s."""
+    """Cells, time steps and camera frames; memory and disk in bytes, CPU time of the flow in s.
+
+    `samples`: points of all pictures of the sheet; `pixels`: of all frames, of which those that are
+    not taken cost half; `vectors`: of all fields.
+    """
 
     cells: float
     steps: float
     frames: float
+    samples: float
+    pixels: float
+    vectors: float
     memory: float
     disk: float
     cpu: float
@@ -37,16 +46,28 @@ def predicted(scene: Any) -> Size:
     cells, steps = estimated_cells(scene), end / numerics.time_step
     rate = camera.frame_rate_hz or scene.sheet.rate_hz
     frames = end * rate * (min(1.0, 2 / camera.pairs_every))
+    samples = end * scene.sheet.rate_hz / (scene.sheet.every or 1) * sheet_points(scene)
+    picture = camera.columns * camera.rows
+    fields = end * rate / frames_apart(camera, scene.piv)
     solutions = (
         numerics.outer_correctors
         * numerics.pressure_correctors
         * (1 + numerics.non_orthogonal_correctors)
     )
     disk = checkpoints(scene) * cells * _CHECKPOINT_PER_CELL
-    disk += end * scene.sheet.rate_hz * sheet_points(scene) * _SHEET_PER_POINT
-    disk += frames * camera.columns * camera.rows * (1 if camera.bits == 8 else 2)
-    cpu = cells * steps * solutions * _SECONDS_PER_CELL
-    return Size(cells, steps, frames, cells * _MEMORY_PER_CELL, disk, cpu)
+    disk += samples * _SHEET_PER_POINT
+    disk += frames * picture * (1 if camera.bits == 8 else 2)
+    return Size(
+        cells=cells,
+        steps=steps,
+        frames=frames,
+        samples=samples,
+        pixels=0.5 * (frames + end * rate) * picture,
+        vectors=fields * picture / scene.piv.spacing**2,
+        memory=cells * _MEMORY_PER_CELL,
+        disk=disk,
+        cpu=cells * steps * solutions * _SECONDS_PER_CELL,
+    )
 
 
 def checkpoints(scene: Any) -> float:

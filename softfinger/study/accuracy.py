@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.fea.up_to_date import check_states
 from pipeline.kinematics.camera_window import tip_path
-from pipeline.runs.estimate import duration, estimate
+from pipeline.runs.estimate import duration, estimate, of_page
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME, STAGES, until
 from pipeline.scene.read_toml import command, read_layers
@@ -289,7 +289,7 @@ def finest_within(folder: Path, time: float) -> tuple[Run, float]:
     layers = read_layers(folder / "scene.toml")
     names = dict.fromkeys(name for layer in layers for name in layer.levels)
     runs = [open_run(folder, name, {}, folder / "out" / "asked" / name) for name in names]
-    times = [sum(estimate(run, stage.name)[0] for stage in STAGES) for run in runs]
+    times = [of_page(run) for run in runs]
     good = [k for k in range(len(runs)) if times[k] <= time]
     if not good:
         fast = int(np.argmin(times))

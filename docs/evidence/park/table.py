@@ -16,9 +16,9 @@ import pandas as pd
 from docs.evidence.park.checks import LIMITS, Outcome, checks
 from docs.evidence.park.draw import drawn
 from docs.evidence.small_scene import ROOT
-from pipeline.runs.estimate import estimate
+from pipeline.runs.estimate import of_page
 from pipeline.runs.run import Run
-from pipeline.runs.stages import FEA, STAGES
+from pipeline.runs.stages import STAGES
 from piv.files.atomic import write_text
 from piv.files.record import read_record
 from softfinger.make import Machine, make
@@ -128,9 +128,7 @@ def made(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Outcome]]:
         return
     for name, run in runs(entry, folder):
         result = run.out / "park.json"
-        predicted = sum(
-            estimate(run, stage.name, recorded=False)[0] for stage in STAGES if stage is not FEA
-        )
+        predicted = of_page(run, recorded=False)
         try:
             make(run, "report", machine, quiet=True)
             values = _read(result, run) or checks(run)
