@@ -86,6 +86,9 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
             notes.append(str(error))
             if isinstance(error, FileNotFoundError):
                 absent.add(of)
+            elif finding.window.kind == "known" and _seen_briefly(evidence):
+                absent.add(of)
+                cure = f"flow and PIV both see the vortex too briefly, because {_HIDDEN['piv']}"
     judged = {
         of: value is not None and is_met(finding, value)
         for of, value in measured.items()
@@ -110,6 +113,12 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
         "cure": cure,
         "notes": list(dict.fromkeys(notes)),
     }
+
+
+def _seen_briefly(evidence: Evidence) -> bool:
+    """Whether flow and PIV both find the tip's vortex, for less than a window that is judged."""
+    clock = evidence.clock
+    return not clock.known and len(dominant_tracks(evidence.vortices, 0, clock.stroke())) > 1
 
 
 def _agrees(checks: list[dict[str, Any]]) -> bool | None:

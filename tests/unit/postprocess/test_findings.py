@@ -12,6 +12,7 @@ from postprocess.evidence.evidence import Evidence, Quantity
 from postprocess.evidence.time_windows import Clock
 from postprocess.words import measured_text, quantity
 from tests.conftest import CASES
+from tests.synthetic_stroke import vortex_table
 
 ROOT = Path(__file__).parents[3]
 CLOCK = np.array([0.0, 1.0])
@@ -173,3 +174,17 @@ def test_what_was_measured_is_printed_in_words():
 )
 def test_small_values_keep_their_digits_without_an_exponent(value, unit, text):
     assert quantity(value, unit).replace("\u00a0", " ") == text
+
+
+@pytest.mark.parametrize("seen, met", [(slice(70, 75), None), (slice(0), False)])
+def test_what_both_see_too_briefly_is_undecided_and_what_piv_never_sees_is_not_met(seen, met):
+    time = np.linspace(0, 0.4, 81)
+    table = vortex_table(time, np.radians(100))
+    flow = table[table["track"] == 3].reset_index(drop=True)
+    tables = {"cfd": flow, "piv": flow[flow["time"].isin(time[seen])]}
+    evidence = Evidence({"cfd": None, "piv": None}, tables, 1.0, Clock(time, time))
+    values = {"kind": "agreement", "quantity": "centre_distance", "of": "piv-cfd"}
+    asked = {**finding("<=", 1e-3).model_dump(), **values, "window": "known"}
+    check = judge(Finding(**asked), evidence)
+    assert check["met"] is met
+    assert ("too briefly" in check["cure"]) is (met is None)
