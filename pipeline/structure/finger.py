@@ -24,6 +24,7 @@ from piv.files.errors import StageError
 
 _GRAVITY = 9.81  # m/s²
 _STEPS, _MOST_STEPS = 150, 4000  # of the first vibration and in all, where no flow is computed
+_STEPS_SEEN = 50  # of the first vibration for a camera's view, in which a tip is seen to 2 %
 _ADDED_MASS, _DRAG = 0.87, 2.2  # where no run gives them (docs/coupling.md)
 
 
@@ -72,12 +73,15 @@ class ElasticFinger:
             2 * np.pi * in_water,
         )
 
-    def in_water(self, end: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def in_water(
+        self, end: float, steps: int = _STEPS
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time (s), pressure (Pa) and rotations (time, slice) in modelled water.
 
-        However large the moments are. StageError where the chain finds no equilibrium.
+        However large the moments are. `steps`: of the first vibration. StageError where the chain
+        finds no equilibrium.
         """
-        step = max(self.period / _STEPS, end / _MOST_STEPS)
+        step = max(self.period / steps, end / _MOST_STEPS)
         time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
         pressure, none = self.chambers(time), np.zeros((len(time), self.chain.slices, 3))
         turned = motion(self.chain, pressure, float(time[1]), self.model, none, most=np.inf)
@@ -134,7 +138,7 @@ def path_in_water(scene: Scene) -> TipPath:
     if not scene.coupled:
         return still
     finger = ElasticFinger.of(scene)
-    wet = tip_path(scene, finger.shapes(*finger.in_water(scene.motion.end_time)))
+    wet = tip_path(scene, finger.shapes(*finger.in_water(scene.motion.end_time, _STEPS_SEEN)))
     places = np.vstack([still.places, wet.places])
     travel = np.concatenate([np.zeros(len(still.places)), wet.travel])
     return TipPath(places, wet.speed, wet.turns, travel)

@@ -161,6 +161,8 @@ def vortex_figures(album: Album, flow: Flow) -> None:
 
 def _made(files: StageFiles, level: str) -> Path | None:
     """Folder of another level's results; None where they are not those of today's scene."""
+    if not (files.scene_folder / "out" / level).exists():
+        return None
     try:
         run = open_run(files.scene_folder, level)
     except StageError:
