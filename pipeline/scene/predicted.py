@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.scene.measurement import frames_apart
+from piv.synthetic.camera import CARRIED
 
 _MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
 # of a run by cell, time step and pressure corrector (docs/tradeoff.md: 2.1 to 2.5e-6)
@@ -18,8 +19,8 @@ _SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 class Size:
     """Cells, time steps and camera frames; memory and disk in bytes, CPU time of the flow in s.
 
-    `samples`: points of all pictures of the sheet; `pixels`: of all frames, of which those that are
-    not taken cost half; `vectors`: of all fields.
+    `samples`: points of all pictures of the sheet; `vectors`: of all fields; `pixels`: of the
+    frames, half for a picture and half for a step of the particles.
     """
 
     cells: float
@@ -46,6 +47,7 @@ def predicted(scene: Any) -> Size:
     cells, steps = estimated_cells(scene), end / numerics.time_step
     rate = camera.frame_rate_hz or scene.sheet.rate_hz
     frames = end * rate * (min(1.0, 2 / camera.pairs_every))
+    carried = end * rate if camera.pairs_every <= CARRIED + 1 else frames / 2
     samples = end * scene.sheet.rate_hz / (scene.sheet.every or 1) * sheet_points(scene)
     picture = camera.columns * camera.rows
     fields = end * rate / frames_apart(camera, scene.piv)
@@ -62,7 +64,7 @@ def predicted(scene: Any) -> Size:
         steps=steps,
         frames=frames,
         samples=samples,
-        pixels=0.5 * (frames + end * rate) * picture,
+        pixels=0.5 * (frames + carried) * picture,
         vectors=fields * picture / scene.piv.spacing**2,
         memory=cells * _MEMORY_PER_CELL,
         disk=disk,

@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated
 
+# frames from one that is taken to the next over which particles are carried: the most of the
+# shipped scenes. Over more they are drawn anew: that is cheaper, and PIV sees pairs alone.
+CARRIED = 4
+
 
 @dataclass(frozen=True)
 class Camera:

@@ -13,7 +13,7 @@ from numpy import ndarray
 from piv.formats.plane_series import FINGER_VARIABLES, usable
 from piv.formats.recording import CAMERA
 from piv.images.masks import inside_polygon
-from piv.synthetic.camera import Camera, Seeding
+from piv.synthetic.camera import CARRIED, Camera, Seeding
 from piv.synthetic.particle_images import (
     SLAB_HALF_WIDTH,
     Body,
@@ -54,8 +54,8 @@ class Recorder:
     Particles fill a slab of 2.5 sheet thicknesses a little larger than the picture. At each step
     the surroundings of that slab - a rim, and the inside of the body - are filled with fresh
     particles; those that the flow carries in stay, those that leave are dropped, so the density
-    keeps its mean wherever the flow is free of divergence. Random numbers depend on the seed and
-    the frame's number only.
+    keeps its mean wherever the flow is free of divergence. Between pairs that are far apart they
+    are all drawn anew. Random numbers depend on the seed and the frame's number only.
     """
 
     def __init__(self, series: xr.Dataset, camera: Camera, seeding: Seeding, seed: int = 0) -> None:
@@ -194,6 +194,14 @@ class Recorder:
                 )
             if index >= last:
                 return
+            later = index + 1
+            while later not in taken:
+                later += 1
+            if later - index > CARRIED:
+                index, body = later, self.body(self.time[later])
+                particles = self._draw(index)
+                particles = particles[:, ~self._in_body(body, particles)]
+                continue
             next_body = self.body(self.time[index + 1])
             particles = self.step(particles, index, body, next_body)
             body, index = next_body, index + 1

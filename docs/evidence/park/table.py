@@ -31,13 +31,11 @@ PAGE = ROOT / "docs" / "park.md"
 LEVEL = "smoke"
 _HEAD = """# Own fingers
 
-`make park` makes these scenes at level smoke from nothing but the arguments of `softfinger new`
-and some keys (`tests/park/scenes.toml`), coupled and prescribed, and checks what must hold of any
-scene. This page holds what it has made. Bold is what fails.
+`make park` makes these scenes from nothing but the arguments of `softfinger new` and some keys
+(`tests/park/scenes.toml`), and checks what must hold of any scene: all at level smoke, coupled and
+prescribed, and four at draft. Rows with PIV=0 are of the flow alone. Bold is what fails; a
+text says why a check does not apply. A row is missing where the run was not made.
 
-The first force is that of 20 ms, or of 20 steps, against the inertia of the water by potential
-flow on the run's mesh. The circulation is compared at twelve instants with that of the vortices
-of the whole tank.
 """
 _START, _STEP = 0.02, 0.005  # s of rest before a pressure rises, and between its rows
 

@@ -248,6 +248,29 @@ def test_pairs_are_the_same_pictures_as_of_the_whole_recording(tmp_path, every, 
         assert some["time"].values == pytest.approx([(i + 0.5) / 500 for i in first])
 
 
+def test_particles_are_drawn_anew_between_pairs_that_are_far_apart(monkeypatch):
+    """Of 960 frames 192 were taken, and carrying particles took most of the time."""
+    steps = []
+    moved = Recorder.step
+    monkeypatch.setattr(
+        Recorder, "step", lambda self, p, i, *more: steps.append(i) or moved(self, p, i, *more)
+    )
+    camera = dataclasses.replace(SMALL, pairs_every=8)
+    seen = list(Recorder(rotating(19), camera, Seeding(), 3).frames())
+    assert [frame.number for frame in seen] == [0, 1, 8, 9, 16, 17]
+    assert steps == [0, 8, 16]
+    for first, second in zip(seen[::2], seen[1::2], strict=True):
+        turned = (first.particles[0] - 0.02) + 1j * (first.particles[1] - 0.016)
+        turned *= np.exp(0.05j)  # solid rotation
+        there = (second.particles[0] - 0.02) + 1j * (second.particles[1] - 0.016)
+        inside = np.abs(turned) < 0.012
+        away = np.abs(turned[inside][:, None] - there).min(axis=1)
+        assert np.quantile(away, 0.99) < 1e-6  # 0.004 px
+    # as many, and other ones
+    assert seen[2].image.mean() == pytest.approx(seen[0].image.mean(), rel=0.05)
+    assert (seen[2].image != seen[0].image).mean() > 0.1
+
+
 def test_camera_that_looks_past_the_plane_is_refused(sheet, tmp_path):
     with read_plane(sheet) as series, pytest.raises(ValueError, match="the camera sees x from"):
         render_recording(series, tmp_path / "images.h5", Camera(width_px=4000))
