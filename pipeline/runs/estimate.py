@@ -11,9 +11,8 @@ from piv.files.record import read_record
 _SCALE = {"smoke": 0.5, "draft": 0.75, "medium": 2.0, "fine": 4.0, "reference": 8.0}
 # sizes of single_finger at coarse, whose costs the stages state
 _SIZES = {"samples": 2.02e7, "pixels": 2.75e8, "vectors": 2.15e6}
-_STEP = (
-    0.02  # s of a coupled time step, besides the solver's: the chain, and files of a moving mesh
-)
+_STEP = 0.02  # s of a coupled time step besides the solver's: the chain, and files of the mesh
+_START = 0.5  # s of any stage: its process, and what it imports
 
 
 def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]:
@@ -33,8 +32,9 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         coupled = _STEP * size.steps * run.scene.coupled
         return size.cpu * step.slower + coupled, max(memory, size.memory / 1e6)
     if step.grows:
-        return seconds * getattr(predicted(run.scene), step.grows) / _SIZES[step.grows], memory
-    return seconds * scale, memory * max(1.0, scale)
+        scale = getattr(predicted(run.scene), step.grows) / _SIZES[step.grows]
+        return seconds * scale + _START, memory
+    return seconds * scale + _START, memory * max(1.0, scale)
 
 
 def of_page(run: Run, recorded: bool = True) -> float:

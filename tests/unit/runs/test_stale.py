@@ -165,10 +165,11 @@ def test_the_cost_of_a_stage_follows_from_what_it_reads() -> None:
     for stage in STAGES:
         known = estimate(coarse, stage.name, recorded=False)[0]
         if stage.grows:
-            assert known == pytest.approx(stage.cost[0], rel=0.02)  # that of this very run
-            assert estimate(long, stage.name, recorded=False)[0] == pytest.approx(4 * known)
+            assert known == pytest.approx(stage.cost[0] + 0.5, rel=0.02)  # that of this very run
+            later = estimate(long, stage.name, recorded=False)[0]
+            assert later - known == pytest.approx(3 * stage.cost[0], rel=0.02)
     alone = Run(coarse.scene.model_copy(update={"filmed": False}))
-    without = sum(stage.cost[0] for stage in STAGES if stage.name in FILMED)
+    without = sum(stage.cost[0] + 0.5 for stage in STAGES if stage.name in FILMED)
     assert of_page(coarse, False) - of_page(alone, False) == pytest.approx(without, rel=0.02)
 
 
