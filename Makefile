@@ -97,7 +97,7 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (hours)
 	@$(PY) -m docs.evidence.piv
 
-evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night; goes on where it stopped)
+evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night; resumes)
 	@$(PY) -m docs.evidence
 
 faults: ## kills, full disks, damaged files, two makes at once
