@@ -37,6 +37,7 @@ _TABLES = {
     "run/forces.csv": records.FORCES.header,
     "run/power.csv": records.POWER.header,
     "run/power_terms.csv": records.POWER_TERMS.header,
+    "run/through_flow.csv": records.THROUGH_FLOW.header,
     "run/history.csv": records.HISTORY.header,
     "mesh_quality.csv": records.MESH_QUALITY.header,
 }

@@ -6,8 +6,14 @@ import numpy as np
 import xarray as xr
 from numpy import ndarray
 
+from pipeline.case.current_case import (
+    samples_text,
+    start_stream,
+    wall_type,
+    write_current,
+)
 from pipeline.formats.mesh_intervals import Interval
-from pipeline.geometry.quality import planform_edges
+from pipeline.geometry.quality import cell_centres, planform_edges
 from pipeline.geometry.sweep import (
     BODY_PATCHES,
     OUTER_PATCHES,
@@ -17,9 +23,10 @@ from pipeline.geometry.sweep import (
 )
 from pipeline.openfoam.base_case import BASE, template_files
 from pipeline.openfoam.covering_columns import covering_cells
-from pipeline.openfoam.displacement_files import checkpoint_steps, steps_of, time_name
+from pipeline.openfoam.displacement_files import Steps, checkpoint_steps, steps_of, time_name
 from pipeline.openfoam.foamfile import write_bytes
 from pipeline.openfoam.gate import add_gate
+from pipeline.scene.current import LEAD, Current, Stream, lead_steps
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 from piv.files.atomic import write_text
@@ -63,10 +70,10 @@ def numbers(scene: Scene, interval: Interval, handover: float, back: float) -> d
         "nonOrthogonalCorrectors": str(n.non_orthogonal_correctors),
         "momentPoint": point(*scene.finger.root, 0.0),
         "sheetType": "empty" if flat else "symmetryPlane",
-        "backType": "empty" if flat else "fixedValue",
+        "backType": "empty" if flat else wall_type(scene.current),
         "backPressureType": "empty" if flat else "zeroGradient",
         "backPatchType": "empty" if flat else "patch",
-        "frontType": "fixedValue",
+        "frontType": wall_type(scene.current),
         "sheetSampling": "patch" if kind in _SYMMETRIC else "cuttingPlane",
         "sheetPoint": point(0, 0, sheet_z),
     }
@@ -79,13 +86,17 @@ def numbers_text(entries: dict[str, str]) -> str:
 
 
 def write_numbers(
-    scene: Scene, intervals: Sequence[Interval], interval: Interval, planform: xr.Dataset
+    scene: Scene,
+    intervals: Sequence[Interval],
+    interval: Interval,
+    planform: xr.Dataset,
+    name: str = "",
 ) -> None:
-    """Write system/numbers of the case of one of the `intervals`."""
+    """Write system/numbers of the case of one of the `intervals`; `name`: of its folder."""
     later = [each.begin for each in intervals if each.index == interval.index + 1]
-    handover = (later or [scene.motion.end_time])[0]
+    handover = (later or [interval.end])[0]
     entries = numbers(scene, interval, handover, float(planform["levels"].values[0]))
-    path = scene.out / "case" / interval.name / "system" / "numbers"
+    path = scene.out / "case" / (name or interval.name) / "system" / "numbers"
     write_text(path, numbers_text(entries))
 
 
@@ -118,8 +129,11 @@ def regions_text(kind: str) -> str:
     return text
 
 
-def sides(planform: xr.Dataset) -> ndarray:
-    """Index into OUTER_PATCHES for each edge on the tank's outline, 0 for the other edges."""
+def sides(planform: xr.Dataset, current: Current | None = None) -> ndarray:
+    """Index into OUTER_PATCHES for each edge on the tank's outline, 0 for the other edges.
+
+    A `current` enters and leaves through the whole of the tank's ends.
+    """
     nodes = planform["points"].values[0]
     edges = planform_edges(planform["triangles"].values, planform["quads"].values)
     left, _, right, top = planform.attrs["corners"]
@@ -132,14 +146,17 @@ def sides(planform: xr.Dataset) -> ndarray:
         wall = np.flatnonzero(np.abs(middle[:, 0] - x) < tolerance)
         if x == right and mirrored:
             side[wall] = OUTER_PATCHES.index("mirror")
+        elif current is not None:
+            enters = (x == left) == (current.direction == "+x")
+            side[wall] = OUTER_PATCHES.index("upstream" if enters else "downstream")
         else:
             side[wall[np.argmax(middle[wall, 1])]] = OUTER_PATCHES.index("gap")
     return side
 
 
-def build_mesh(planform: xr.Dataset) -> PolyMesh:
-    """Sweep one mesh of `planform.h5`."""
-    return sweep_mesh(planform, sides(planform))
+def build_mesh(planform: xr.Dataset, current: Current | None = None) -> PolyMesh:
+    """Sweep one mesh of `planform.h5`; `current`: of the scene."""
+    return sweep_mesh(planform, sides(planform, current))
 
 
 def patch_types(kind: str) -> dict[str, str]:
@@ -149,10 +166,8 @@ def patch_types(kind: str) -> dict[str, str]:
     """
     flat = kind == "2d"
     return dict.fromkeys(BODY_PATCHES, "wall") | {
-        "tank": "patch",
-        "top": "patch",
+        **dict.fromkeys(OUTER_PATCHES, "patch"),
         "mirror": "symmetryPlane",
-        "gap": "patch",
         "back": "empty" if flat else "patch",
         "front": "patch",
         "sheet": "empty" if flat else "symmetryPlane",
@@ -186,20 +201,36 @@ def write_interval(
     planform: xr.Dataset,
     mesh: PolyMesh,
     nodes: ndarray,
+    name: str = "",
 ) -> None:
-    """Write the case of one of the `intervals`; `nodes` (node, 2) m: at its begin."""
-    folder, kind = scene.out / "case" / interval.name, str(planform.attrs["model"])
+    """Write the case of one of the `intervals`.
+
+    `nodes` (node, 2) m: at its begin; `name`: of a folder in place of the interval's.
+    """
+    name = name or interval.name
+    folder, kind = scene.out / "case" / name, str(planform.attrs["model"])
     for path in template_files():
         write_bytes(folder / path.relative_to(BASE), path.read_bytes())
-    if interval.index:
+    if interval.index or (name != LEAD and lead_steps(scene)):
         (folder / "0").rename(folder / "0.orig")  # the stage solve maps fields into them
-    write_numbers(scene, intervals, interval, planform)
+    write_numbers(scene, intervals, interval, planform, name)
     write_text(folder / "system" / "regions", regions_text(kind))
     walls = [name for name, _, _ in mesh.patches if name in OBSTACLE_PATCHES]
-    write_text(folder / "system" / "obstacles", obstacles_text(walls))
+    through = samples_text([name for name, _, _ in mesh.patches]) if scene.current else ""
+    write_text(folder / "system" / "obstacles", obstacles_text(walls) + through)
     faces, cells = zones(mesh, planform)
     points = mesh.points(nodes, planform["levels"].values)
     write_polymesh(mesh, points, folder / "constant" / "polyMesh", patch_types(kind), faces, cells)
     write_text(folder / "case.foam", "")
-    if scene.coupled:
+    if (stream := Stream.of(scene)) is not None:
+        stream = stream.held() if name == LEAD else stream
+        times = Steps.of(interval.begin, interval.end, scene.numerics.time_step).times
+        write_current(stream, np.maximum(times, 0.0), mesh, points, folder)
+        if name == LEAD:
+            corners = planform["triangles"].values, planform["quads"].values
+            start_stream(stream, cell_centres(nodes, *corners)[mesh.cell_column, 1], folder)
+    if name == LEAD:
+        for unused in ("functions", "obstacles"):
+            write_text(folder / "system" / unused, "// nothing is sampled\n")
+    elif scene.coupled:
         add_gate(folder)

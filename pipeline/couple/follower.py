@@ -136,7 +136,8 @@ class Follower(KnownMotion):
         walls = np.zeros((len(moved), *self.nodes[number].shape))
         walls[:, planform.wall] = outline_at(np.array(moved), planform.material)
         file, density = self._guess.planform, run.scene.fluid.density
-        gaps = sides(file) == OUTER_PATCHES.index("gap")
+        open_ends = [OUTER_PATCHES.index(name) for name in ("gap", "downstream")]
+        gaps = np.isin(sides(file, run.scene.current), open_ends)
         place, force = forces_of_water(
             file, self._guess.sweep, self.nodes[number], walls, gaps, density, run.copies
         )
@@ -167,7 +168,7 @@ class Follower(KnownMotion):
         """Write the interval's case in the shape that the finger has when it begins."""
         mesh = self._guess
         shutil.rmtree(self._folder, ignore_errors=True)
-        swept = build_mesh(mesh.planform)
+        swept = build_mesh(mesh.planform, self._run.scene.current)
         nodes = self.nodes[self._first]
         write_interval(self._run.scene, spans, mesh.interval, mesh.planform, swept, nodes)
 

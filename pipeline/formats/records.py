@@ -13,6 +13,9 @@ FORCES = Table("time, fx, fy, fz, fx_pressure, fy_pressure, fx_viscous, fy_visco
 POWER = Table("time, finger_power, kinetic_energy, dissipation")
 LOSSES = ("viscous", "convection", "coupling")  # terms that take energy from the flow
 POWER_TERMS = Table(", ".join(("time", *LOSSES)))
+# Of a current (pipeline/openfoam/through_flow.py): volume by time through both ends, power and
+# force along x that act on the water through them, momentum of the water, force on the walls
+THROUGH_FLOW = Table("time, inflow, outflow, power, end_force, momentum, wall_force")
 HISTORY = Table(
     "time, courant_mean, courant_max, continuity_local, continuity_global, pressure_iterations,"
     " wall_time",

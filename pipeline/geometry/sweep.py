@@ -99,8 +99,9 @@ def sweep_mesh(planform: xr.Dataset, side_of_edge: ndarray) -> PolyMesh:
 
 
 # Walls and bottom; free surface; symmetry plane between two fingers; gap at the waterline, which
-# takes up the volume by which a finger swells, as the rigid lid cannot rise.
-OUTER_PATCHES = ("tank", "top", "mirror", "gap")
+# takes up the volume by which a finger swells, as the rigid lid cannot rise; in place of gap and
+# end walls the ends where a current enters and leaves.
+OUTER_PATCHES = ("tank", "top", "mirror", "gap", "upstream", "downstream")
 BODY_PATCHES = ("finger", "mirrored_finger", "object", "support", *OBSTACLE_PATCHES)
 _PATCHES = (*BODY_PATCHES, *OUTER_PATCHES, "back", "sheet", "front")
 

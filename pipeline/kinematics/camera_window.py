@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.integrate import cumulative_trapezoid
 
 from pipeline.formats.bending_states import States
 from pipeline.kinematics.finger import finger_motion, law_times
+from pipeline.scene.current import Stream
 from pipeline.scene.measurement import Camera
 from pipeline.scene.predicted import picture_of
 from pipeline.scene.scene import Scene
@@ -37,13 +39,15 @@ _MOST_PIXELS, _SIDE = 1600 * 1280, 64  # of a camera that is not stated; its sid
 class TipPath:
     """Places (instant, 2) of the tip's middle over a motion (m), peak speed (m/s), and turns back.
 
-    `travel` (instant,): how far a vortex that is shed at an instant goes until the end, m.
+    `travel` (instant,): how far a vortex that is shed at an instant goes until the end, m; `drift`
+    (instant,): along x with a current, m.
     """
 
     places: ndarray
     speed: float
     turns: int
     travel: ndarray
+    drift: ndarray
 
 
 def tip_path(scene: Scene, over_time: States | None = None) -> TipPath:
@@ -67,7 +71,10 @@ def tip_path(scene: Scene, over_time: States | None = None) -> TipPath:
     some = np.unique(np.linspace(0, time.size - 1, _PLACES).astype(int))
     places = np.stack([np.interp(parameter[some], known, axis) for axis in tip.T], axis=1)
     travel = _travel(time, speed, scene.finger.thickness)[some]
-    return TipPath(places, float(speed.max()), _turns(done), travel)
+    stream = Stream.of(scene)
+    way = cumulative_trapezoid(stream.law(time) if stream else 0 * time, time, initial=0)
+    drift = (way[-1] - way)[some]
+    return TipPath(places, float(speed.max()), _turns(done), travel, drift)
 
 
 def _travel(time: ndarray, speed: ndarray, thickness: float) -> ndarray:
@@ -143,12 +150,15 @@ def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
     """
     finger = scene.finger
     room = _ROOM * finger.thickness
-    carried = np.minimum(path.travel, _FARTHEST * (finger.length + finger.tip.length))[:, None]
+    farthest = _FARTHEST * (finger.length + finger.tip.length)
+    carried = np.minimum(path.travel, farthest)[:, None]
     first = last = room + carried * np.ones(2)
     if scene.pinch:  # along the plane between them
         down = np.maximum(carried[:, 0], _OF_PINCH * path.travel)
         first = room + np.outer(down, [0.0, 1.0])
         last = room + carried * [0.0, 1.0]
+    drift = np.outer(np.clip(path.drift, -farthest, farthest), [1.0, 0.0])
+    first, last = first - np.minimum(drift, 0.0), last + np.maximum(drift, 0.0)
     root, half = np.array([finger.root]), 0.5 * scene.tank.size[0]
     water = np.array([[-half, 0.0], [half, scene.tank.water_depth]])
     found = []

@@ -29,7 +29,7 @@ from piv.files.json_text import flat
 from piv.files.provenance import digest
 from piv.files.record import changed_outputs, check_own, read_record, record_path
 
-FILES = {f"motion.{key}" for key in FILE_KEYS}
+FILES = {f"motion.{key}" for key in FILE_KEYS} | {"current.table"}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
 _NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
@@ -280,11 +280,14 @@ def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:
 
 def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
     """Files that a stage reads besides the results of others, by a name without folder."""
+    files: dict[str, Path] = {}
+    if "current" in stage.sections and scene.current and scene.current.table:
+        files["current.table"] = scene.folder / scene.current.table
     if stage.name == "kinematics":
         named = {key: getattr(scene.motion, key) for key in FILE_KEYS}
-        return {f"motion.{key}": scene.folder / name for key, name in named.items() if name}
+        return files | {f"motion.{key}": scene.folder / name for key, name in named.items() if name}
     if stage.name == "case":
-        return {path.relative_to(BASE).as_posix(): path for path in template_files()}
+        return files | {path.relative_to(BASE).as_posix(): path for path in template_files()}
     if stage.name == "fea":
         results = scene.fea.get("results", {})
         names = {key: results[key] for key in ("file", "displacements") if results.get(key)}

@@ -74,8 +74,9 @@ STAGES = (
         ("mesh",),
         # all but system/numbers and decomposeParDict, which the stage solve writes
         ("sweep.h5", "case/*/0*/*", "case/*/constant/*", "case/*/constant/polyMesh/*",
+         "case/*/constant/boundaryData/upstream/*", "case/*/constant/boundaryData/upstream/*/*",
          "case/*/system/[!dn]*"),
-        {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}},
+        {"fluid": True, "numerics": True, "sheet": {"rate_hz", "z"}, "current": True},
         folders=("case",), cost=(1, 500), temporary=True, sealed=True,
     ),
     Stage(
@@ -138,7 +139,9 @@ STAGES = (
     ),
 )  # fmt: skip
 _GUESSED = {"kinematics", "mesh"}
-_STRUCTURE = {"structure": True, "fluid": True, "model": True, "numerics": {"time_step"}}
+_STRUCTURE = {
+    "structure": True, "fluid": True, "model": True, "numerics": {"time_step"}, "current": True,
+}  # fmt: skip
 BY_NAME = {stage.name: stage for stage in (FEA, *STAGES)}
 # The rows of a coupled run in their place. Its solver gives the motion and the meshes: what
 # kinematics and mesh have made is a first guess.

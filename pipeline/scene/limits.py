@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.scene.current import check_current
 from pipeline.scene.obstacle import check_obstacles
 from pipeline.scene.pinch import check_pinch, check_support
 from pipeline.scene.predicted import (
@@ -52,6 +53,7 @@ def check_scene(scene: Any) -> None:
         _check_mesh(scene)
     check_obstacles(scene)
     _check_times(scene)
+    check_current(scene)
     _check_motion(scene)
     _check_pictures(scene)
     _check_fields(scene)

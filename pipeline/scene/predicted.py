@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.scene.current import lead_steps
 from pipeline.scene.measurement import frames_apart
 from piv.synthetic.camera import CARRIED
 
@@ -68,7 +69,8 @@ def predicted(scene: Any) -> Size:
         vectors=fields * picture / scene.piv.spacing**2,
         memory=cells * _MEMORY_PER_CELL,
         disk=disk,
-        cpu=cells * steps * solutions * _SECONDS_PER_CELL,
+        # on a mesh at rest a step costs half (docs/mesh.md)
+        cpu=cells * (steps + 0.5 * lead_steps(scene)) * solutions * _SECONDS_PER_CELL,
     )
 
 

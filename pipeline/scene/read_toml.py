@@ -94,6 +94,8 @@ def read_layers(path: Path, children: tuple[Path, ...] = ()) -> list[Layer]:
     for layer in inherited:
         for part in (layer.base, *layer.levels.values()):
             _move_files(part.get("motion"), parent, (path.parent / OWN_STATES).exists())
+            if isinstance(current := part.get("current"), dict) and "table" in current:
+                current["table"] = os.path.join(parent, str(current["table"]))
     return [*inherited, *layers]
 
 

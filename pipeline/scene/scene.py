@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from pipeline.scene.current import Current, current_remarks
 from pipeline.scene.limits import check_scene
 from pipeline.scene.measurement import Camera, Piv, Sheet, Vortices
 from pipeline.scene.obstacle import Obstacle, merge_short_sides
@@ -48,6 +49,7 @@ class Scene(Section):
     notes: tuple[str, ...] = ()  # on how the scene was read
     tank: Tank = Tank()
     fluid: Fluid = Fluid()
+    current: Current | None = None
     finger: Finger
     body: RigidBody | None = None  # in the finger's place
     pinch: Pinch | None = None
@@ -176,6 +178,7 @@ class Scene(Section):
             for k, stroke in enumerate(motion.strokes)
             if stroke.start >= motion.end_time
         ]
+        remarks += current_remarks(self)
         size = predicted(self)
         folder = next(p for p in (self.out, *self.out.absolute().parents) if p.exists())
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -12,6 +12,7 @@ from scipy.interpolate import PPoly
 from pipeline.formats.mesh_intervals import IntervalMesh
 from pipeline.openfoam.displacement_files import PADDING, Steps
 from pipeline.openfoam.function_objects import table_rows, tables
+from pipeline.openfoam.through_flow import power_through
 from pipeline.scene.sections import Fluid
 from pipeline.solve.power import finger_power, resolved_dissipation
 from piv.files.errors import StageError
@@ -98,7 +99,7 @@ class EnergyGuard:
     """Compares energy and work in the solver's `samples` (postProcessing).
 
     `density` (kg/m³), `viscosity` (m²/s): of the fluid. Not `from_rest`: the budget begins with the
-    first sample.
+    first sample. `current`: whether water runs through the tank's ends, with power of its own.
     """
 
     samples: Path
@@ -107,11 +108,16 @@ class EnergyGuard:
     budget: Budget
     from_rest: bool = True
     work_rate: Callable[[Path, float], float] = finger_power  # W, of a surface and the density
+    current: bool = False
     rows: int = 0
 
     def check(self, ended: bool = False) -> str | None:
         """The cause where the budget is violated. A sample is whole once the next one exists."""
-        table = self._table()
+        table, through = self._table(), None
+        if self.current:
+            through = power_through(self.samples, self.density)
+            known = through[-1, 0] if len(through) else -1.0
+            table = table[table[:, 0] <= known * (1 + 1e-9)]
         for time, square, gradient, half_vorticity in table[self.rows : len(table) - (not ended)]:
             surface = next(iter((self.samples / "fingerSurface").glob(f"{time:.8g}/*.vtk")), None)
             if surface is None:
@@ -119,7 +125,10 @@ class EnergyGuard:
             self.rows += 1
             kinetic = 0.5 * self.density * square
             lost = resolved_dissipation(self.density, self.viscosity, gradient, half_vorticity)
-            sample = time, self.work_rate(surface, self.density), kinetic, lost
+            power = self.work_rate(surface, self.density)
+            if through is not None:
+                power += float(np.interp(time, *through.T))
+            sample = time, power, kinetic, lost
             if self.rows == 1 and not self.from_rest:
                 self.budget.begin(*sample)
                 continue
@@ -152,17 +161,22 @@ def energy_budget(positions: ndarray, times: ndarray, depth: float, density: flo
     return Budget(_FLOOR * 0.5 * density * peak**2 * area * depth, unresolved, time=float(times[0]))
 
 
-def energy_from_nothing(power: ndarray, budgets: list[Budget], copies: int) -> float:
+def energy_from_nothing(
+    power: ndarray, budgets: list[Budget], copies: int, running: bool = False
+) -> float:
     """The largest excess of energy over the work in a whole run, over its largest energy.
 
-    `power` (n, 4): power.csv, of the tank, with `copies` of the computed part; `budgets`: of the
-    intervals. StageError where the excess is too large.
+    `power` (n, 4): power.csv, of the tank, with `copies` of the computed part, and with what a
+    current brings; `budgets`: of the intervals; `running`: whether the flow runs at 0 s. StageError
+    where the excess is too large.
     """
     whole = Budget(
         copies * max(budget.floor for budget in budgets),
         lambda a, b: any(budget.unresolved(a, b) for budget in budgets),
     )
-    for time, rate, kinetic, dissipation in power:
+    if running:
+        whole.begin(*power[0])
+    for time, rate, kinetic, dissipation in power[int(running) :]:
         excess = whole.add(time, rate, kinetic, dissipation)
         if excess is not None:
             raise StageError(
@@ -294,9 +308,15 @@ def check_courant(positions: ndarray, times: ndarray, max_courant: float) -> flo
 
 
 def guard_of(
-    case: Path, mesh: IntervalMesh, steps: Steps, max_courant: float, depth: float, fluid: Fluid
+    case: Path,
+    mesh: IntervalMesh,
+    steps: Steps,
+    max_courant: float,
+    depth: float,
+    fluid: Fluid,
+    current: bool = False,
 ) -> Guard:
-    """The guard of one mesh interval; `depth` as in energy_budget.
+    """The guard of one mesh interval; `depth` as in energy_budget, `current` as of EnergyGuard.
 
     ValueError where the motion of the wall is sure to exceed `max_courant`.
     """
@@ -305,6 +325,8 @@ def guard_of(
     pressure = mesh.motion.pressure(np.maximum(times, 0.0))
     positions = PPoly(shape.c[:, :, wall], shape.x)(pressure)
     budget = energy_budget(positions, times, depth, fluid.density)
-    energy = EnergyGuard(case / "postProcessing", fluid.density, fluid.kinematic_viscosity, budget)
+    energy = EnergyGuard(
+        case / "postProcessing", fluid.density, fluid.kinematic_viscosity, budget, current=current
+    )
     check_courant(positions, times, max_courant)
     return Guard(max_courant, energy)

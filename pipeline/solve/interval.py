@@ -9,6 +9,7 @@ from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.mesh_intervals import PER_FINGER, Interval, IntervalMesh, read_meshes
 from pipeline.openfoam.case_folder import LEAST_CELLS, Case
 from pipeline.openfoam.displacement_files import Steps, remove_frames, write_frames
+from pipeline.scene.current import lead_steps
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import resumable_case
 from pipeline.solve.guards import Guard, guard_of
@@ -79,7 +80,10 @@ def solver_intervals(scene: Scene, ranks: int, quiet: bool) -> list[SolverInterv
     for folder, mesh in zip(names, meshes, strict=True):
         steps = Steps.of(mesh.interval.begin, mesh.interval.end, scene.numerics.time_step)
         try:
-            guard = guard_of(folder, mesh, steps, limit, depth, scene.fluid)
+            current = scene.current is not None
+            guard = guard_of(folder, mesh, steps, limit, depth, scene.fluid, current)
+            if guard.energy and lead_steps(scene):
+                guard.energy.from_rest = False
         except ValueError as error:
             raise StageError(f"{scene.folder / 'scene.toml'}: {error}") from None
         parts.append(SolverInterval(replace(case, folder=folder), mesh, steps, guard))

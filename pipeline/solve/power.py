@@ -20,6 +20,8 @@ from pipeline.openfoam.displacement_files import time_name
 from pipeline.openfoam.function_objects import read_function_object
 from pipeline.openfoam.polymesh_files import Faces, read_faces
 from pipeline.openfoam.surface_vtk import wall_forces
+from pipeline.openfoam.through_flow import WALLS
+from pipeline.scene.current import Stream
 from pipeline.scene.sections import Fluid
 from pipeline.solve.checkpoint import saved_field, saved_times
 
@@ -56,11 +58,13 @@ def face_terms(
     swept: ndarray,
     viscosity: ndarray,
     convection: str,
+    entry: slice | None = None,
 ) -> dict[str, ndarray]:
     """Power over density that each of LOSSES takes at faces (face,), m⁵/s³.
 
     `velocity` (cell, 3) m/s; `pressure` (cell,) m²/s²; `on_boundary` (boundary face, 3) m/s;
-    `swept` (face,) m³/s: flux of the mesh's own motion; `viscosity` (cell,) m²/s.
+    `swept` (face,) m³/s: flux of the mesh's own motion; `viscosity` (cell,) m²/s; `entry`: of the
+    boundary faces those with a prescribed flux through them.
     """
     n, own, other = mesh.inner, mesh.faces.owner, mesh.faces.neighbour
     inside, outside = mesh.area[:n], mesh.area[n:]
@@ -88,7 +92,7 @@ def face_terms(
     part = _UPWIND_SHARE[convection]
     carried = part * carried + (1 - part) * linear
     mean = 0.5 * (velocity[own] + velocity[other])
-    convected = -flux * _dot(carried - mean, change)
+    mixed = [-flux * _dot(carried - mean, change)]
 
     # viscosity: with the limited correction of the normal gradient
     cosine = np.maximum(_dot(normal, across), _LEAST_COSINE * np.linalg.norm(across, axis=1))
@@ -102,6 +106,8 @@ def face_terms(
     real = edge > 0
     away = _dot(outside, mesh.centre[n:] - mesh.cell_centre[rim]) / np.where(real, edge, 1.0)
     jump = on_boundary - velocity[rim]
+    if entry is not None:
+        mixed.append(-0.5 * (_dot(on_boundary, outside) * _dot(jump, jump))[entry])
     rim_viscous = np.where(
         real, viscosity[rim] * edge / np.where(real, away, 1.0) * _dot(jump, jump), 0.0
     )
@@ -110,7 +116,7 @@ def face_terms(
     coupled = -at_faces(pressure) * _dot(inside, change)
     rim_coupled = -pressure[rim] * _dot(outside, jump)
 
-    taken = (inner_viscous, rim_viscous), (convected,), (coupled, rim_coupled)
+    taken = (inner_viscous, rim_viscous), mixed, (coupled, rim_coupled)
     return {name: np.concatenate(parts) for name, parts in zip(LOSSES, taken, strict=True)}
 
 
@@ -131,13 +137,19 @@ def _gradient(mesh: _FaceGeometry, inner: ndarray, boundary: ndarray) -> ndarray
     return gradient
 
 
-def term_rows(case: Case, mesh: IntervalMesh, fluid: Fluid, convection: str) -> ndarray:
+def term_rows(
+    case: Case, mesh: IntervalMesh, fluid: Fluid, convection: str, stream: Stream | None = None
+) -> ndarray:
     """Rows POWER_TERMS (W) of the computed part of the tank, of the fields written in an interval.
 
-    `convection`: numerics.convection.
+    `convection`: numerics.convection; `stream`: the scene's current.
     """
     node = mesh.sweep["node"].values
     faces = read_faces(case.folder / "constant" / "polyMesh")
+    entry = None
+    if stream is not None:
+        inner, ends = len(faces.neighbour), faces.patches["upstream"]
+        entry = slice(ends.start - inner, ends.stop - inner)
     rows = []
     for time, name in saved_times(case, ("U", "p")):
         if time < mesh.interval.start + 1e-9:
@@ -152,8 +164,8 @@ def term_rows(case: Case, mesh: IntervalMesh, fluid: Fluid, convection: str) -> 
         plane = mesh.motion.velocity(time)[node][faces.corners].mean(1)
         moving = np.column_stack([plane, np.zeros(len(plane))])  # of faces, m/s
         terms = face_terms(
-            shape, velocity, pressure, _boundary_velocity(shape, velocity, moving),
-            np.einsum("fi,fi->f", moving, shape.area), effective, convection,
+            shape, velocity, pressure, _boundary_velocity(shape, velocity, moving, stream, time),
+            np.einsum("fi,fi->f", moving, shape.area), effective, convection, entry,
         )  # fmt: skip
         rows.append([time, *(fluid.density * terms[name].sum() for name in LOSSES)])
     return np.array(rows).reshape(-1, 1 + len(LOSSES))
@@ -184,9 +196,13 @@ def geometry_at(faces: Faces, mesh: IntervalMesh, time: float) -> _FaceGeometry:
     return _FaceGeometry(faces, area, np.asarray(centre), cell_centre, volume)
 
 
-def _boundary_velocity(mesh: _FaceGeometry, velocity: ndarray, moving: ndarray) -> ndarray:
+def _boundary_velocity(
+    mesh: _FaceGeometry, velocity: ndarray, moving: ndarray, stream: Stream | None, time: float
+) -> ndarray:
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
     patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
+    slips = stream is not None and stream.current.walls == "slip"
+    free = _FREE + (WALLS if slips else ())
     for name, faces in mesh.faces.patches.items():
         rows = slice(faces.start - mesh.inner, faces.stop - mesh.inner)
         inside = velocity[mesh.faces.owner[faces]]
@@ -194,7 +210,15 @@ def _boundary_velocity(mesh: _FaceGeometry, velocity: ndarray, moving: ndarray) 
             patch_velocity[rows] = moving[faces]
         elif name == "gap":
             patch_velocity[rows] = inside
-        elif name in _FREE:
+        elif name == "upstream" and stream is not None:
+            patch_velocity[rows, 0] = stream.law(np.array(time)) * stream.share(
+                mesh.centre[faces, 1]
+            )
+        elif name == "downstream":  # what enters there comes straight
+            enters = np.einsum("fi,fi->f", inside, mesh.area[faces]) < 0
+            patch_velocity[rows] = inside
+            patch_velocity[rows, 1:] *= ~enters[:, None]
+        elif name in free:
             area = mesh.area[faces]
             size = np.maximum(np.einsum("fi,fi->f", area, area), 1e-300)
             patch_velocity[rows] = (
@@ -235,31 +259,46 @@ def power_rows(case: Path, fluid: Fluid, copies: int) -> ndarray:
     )  # fmt: skip
 
 
-def integrals(table: ndarray) -> dict[str, float]:
-    """Energy (J) that each term has taken by the end of a table POWER_TERMS, from rest at 0 s."""
-    time = np.concatenate([[0.0], table[:, 0]])
-    rates = np.vstack([np.zeros(table.shape[1] - 1), table[:, 1:]])
+def integrals(table: ndarray, begin: float = 0.0, running: bool = False) -> dict[str, float]:
+    """Energy (J) that each term has taken from `begin` (s) to the end of a table POWER_TERMS.
+
+    From rest, or from a flow that was `running`, of which the first rates are taken.
+    """
+    time = np.concatenate([[begin], table[:, 0]])
+    rates = np.vstack([running * table[0, 1:], table[:, 1:]])
     taken = PchipInterpolator(time, rates).integrate(time[0], time[-1])
     return dict(zip(LOSSES, map(float, taken), strict=True))
 
 
-def power_balance(table: ndarray, terms: ndarray) -> dict[str, Any]:
+def power_balance(
+    table: ndarray, terms: ndarray, through: ndarray | None = None, running: bool = False
+) -> dict[str, Any]:
     """Work = kinetic energy + energy taken by each of `terms` (POWER_TERMS) + an unexplained rest.
 
     `closure`: the rest after the resolved dissipation of `table` (POWER). `unexplained_share`: of
-    the energy that body and water exchange in both directions.
+    the energy that body and water exchange in both directions. `through`: rows of time (s), power
+    (W) and its integral (J) that a current brings; it is then `supplied`, and counts beside the
+    work. Of a flow that is `running` at 0 s the balance is that since the first row, whose energy
+    counts as 0.
     """
-    time = np.concatenate([[0.0], table[:, 0]])
+    begin = table[0, 0] if running else 0.0
+    time = np.concatenate([[begin], table[:, 0]])
     rate = np.vstack([np.zeros(2), table[:, [1, 3]]])
     middle, step = 0.5 * (rate[1:] + rate[:-1]), np.diff(time)
     work, dissipated = np.sum(middle * step[:, None], axis=0)
     exchanged = float(step @ abs(middle[:, 0]))
-    kinetic = table[-1, 2]
-    closure = work - kinetic - dissipated
-    taken = integrals(terms)
-    unexplained = work - kinetic - sum(taken[name] for name in LOSSES)
-    scale = abs(work) if work else 1.0
-    return {
+    kinetic = table[-1, 2] - (table[0, 2] if running else 0.0)
+    more, given = {}, work
+    if through is not None:
+        brought = np.diff(np.interp(time, through[:, 0], through[:, 2]))
+        more = {"supplied": float(brought.sum())}
+        given, exchanged = work + brought.sum(), exchanged + float(abs(brought).sum())
+    closure = given - kinetic - dissipated
+    taken = integrals(terms, begin, running)
+    unexplained = given - kinetic - sum(taken[name] for name in LOSSES)
+    # what a current brings and takes almost cancels, so that their difference is no scale
+    scale = (abs(given) if through is None else exchanged) or 1.0
+    return more | {
         "work": float(work),
         "kinetic_energy": float(kinetic),
         "dissipated": float(dissipated),

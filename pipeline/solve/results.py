@@ -8,12 +8,23 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.integrate import cumulative_trapezoid
 
 from pipeline.formats.mesh_intervals import PER_FINGER
-from pipeline.formats.records import FORCES, HISTORY, MESH_QUALITY, POWER, POWER_TERMS, RUN
+from pipeline.formats.records import (
+    FORCES,
+    HISTORY,
+    MESH_QUALITY,
+    POWER,
+    POWER_TERMS,
+    RUN,
+    THROUGH_FLOW,
+)
 from pipeline.openfoam.displacement_files import steps_of
 from pipeline.openfoam.environment import foam_version
 from pipeline.openfoam.function_objects import read_function_object
+from pipeline.openfoam.through_flow import through_rows
+from pipeline.scene.current import Stream
 from pipeline.scene.obstacle import OBSTACLE_PATCHES, forces_name
 from pipeline.scene.scene import Scene
 from pipeline.solve.checkpoint import LOG
@@ -115,6 +126,37 @@ def write_results(
     return {name: sum(before[name] for before, _ in spent) for name in ("wall_time", "cpu_time")}
 
 
+def _through_flow(
+    scene: Scene, parts: Sequence[SolverInterval], copies: int, obstacles: list[str]
+) -> tuple[ndarray, dict[str, Any]]:
+    """Write through_flow.csv; what a current brings, and `through_flow` of run.json.
+
+    The first: rows of time (s), power (W) and its integral (J).
+
+    There of the momentum along x what is unexplained, over what the ends give in both directions:
+    they give what the water takes up, and the forces on bodies and walls.
+    """
+    current, folder = scene.current, scene.out / "run"
+    assert current is not None
+    sign = 1 if current.direction == "+x" else -1
+    samples = [part.case.folder / "postProcessing" for part in parts]
+    rows = [through_rows(each, scene.fluid.density, sign, copies) for each in samples]
+    table = _joined(parts, rows)
+    THROUGH_FLOW.write(folder / "through_flow.csv", table)
+    time, _, _, power, pushed, momentum, walls = table.T
+    brought = cumulative_trapezoid(power, time, initial=0.0)
+    found = {}
+    if scene.pinch is None:  # the table of forces holds one of two fingers
+        on_bodies = walls.copy()
+        for name in ("forces", *(f"forces_{obstacle}" for obstacle in obstacles)):
+            forces = FORCES.read(folder / f"{name}.csv")
+            on_bodies += np.interp(time, forces["time"], forces["fx"])
+        step = np.diff(time)
+        rest = float(step @ (pushed - on_bodies)[1:] - (momentum[-1] - momentum[0]))
+        found["momentum_unexplained"] = rest / float(step @ np.abs(pushed)[1:])
+    return np.column_stack([time, power, brought]), {"through_flow": found}
+
+
 def _tables(scene: Scene, parts: Sequence[SolverInterval]) -> dict[str, Any]:
     """Write the tables of run/, all intervals joined; returns their summary.
 
@@ -134,16 +176,23 @@ def _tables(scene: Scene, parts: Sequence[SolverInterval]) -> dict[str, Any]:
         forces = [_forces(case, per_finger, name) for case in cases]
         FORCES.write(folder / f"{table}.csv", _joined(parts, forces))
     quality = _mesh_quality(scene.motion_folder / "mesh_quality.csv")
-    rows = [term_rows(part.case, part.mesh, fluid, scene.numerics.convection) for part in parts]
+    stream = Stream.of(scene)
+    convection = scene.numerics.convection
+    rows = [term_rows(part.case, part.mesh, fluid, convection, stream) for part in parts]
     terms = np.vstack(rows)
     terms[:, 1:] *= copies
     POWER_TERMS.write(folder / "power_terms.csv", terms)
     energy = _joined(parts, [power_rows(case, fluid, copies) for case in cases])
     POWER.write(folder / "power.csv", energy)
     written = POWER.read(folder / "power.csv").to_numpy()
+    through, current = None, dict[str, Any]()
+    if scene.current is not None:
+        through, current = _through_flow(scene, parts, copies, walls)
+        written[:, 1] += np.interp(written[:, 0], *through[:, :2].T)
     budgets = [part.guard.energy.budget for part in parts if part.guard.energy]
-    excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies)}
-    balance = power_balance(energy, terms)
+    running = stream is not None and stream.begins != 0
+    excess = {"from_nothing_fraction": energy_from_nothing(written, budgets, copies, running)}
+    balance = power_balance(energy, terms, through, running)
     force, step = FORCES.read(folder / "forces.csv")[["fx", "fy"]], scene.numerics.time_step
     warnings = [
         power_warning(balance["unexplained_share"], budgets, step),
@@ -155,6 +204,7 @@ def _tables(scene: Scene, parts: Sequence[SolverInterval]) -> dict[str, Any]:
         "continuity_max": float(np.nanmax(np.abs(log[:, 3]))),
         "mesh_quality": quality,
         "power_balance": balance | excess | {"warning": "; ".join(filter(None, warnings))},
+        **current,
         "intervals": [
             {
                 "start": i.start,

@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -37,6 +38,7 @@ from pipeline.solve.checkpoint import (
 )
 from pipeline.solve.guards import FINER
 from pipeline.solve.interval import KnownMotion, SolverInterval
+from pipeline.solve.lead import solve_lead
 from pipeline.solve.prepare import prepare
 from piv.files.atomic import check_room, name_in_errors, sync_file, write_text
 from piv.files.errors import StageError
@@ -105,7 +107,8 @@ def solve_intervals(
     `motion_of` may change a part's mesh, where its motion is found while it is solved.
     """
     hosts = hosts and hosts.resolve()  # the solver runs in another folder
-    version, spans, spent = foam_version(), [part.span for part in parts], []
+    version, spans = foam_version(), [part.span for part in parts]
+    spent = solve_lead(scene, parts[0], partial(solve, hosts=hosts), quiet)
     with tqdm(total=scene.motion.end_time, unit="s", disable=quiet or None, desc="solver",
               bar_format=BAR) as bar:  # fmt: skip
         for k, part in enumerate(parts):

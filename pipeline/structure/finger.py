@@ -14,6 +14,7 @@ from pipeline.kinematics.camera_window import TipPath, tip_path
 from pipeline.kinematics.finger import axes, finger_states, law_times, pressure_law, within
 from pipeline.kinematics.pressure_law import PressureLaw
 from pipeline.openfoam.surface_vtk import wall_forces
+from pipeline.scene.current import Stream
 from pipeline.scene.read_toml import command
 from pipeline.scene.scene import Scene
 from pipeline.structure.chain import MIDDLE, Chain, ComplexArray, placed
@@ -41,6 +42,7 @@ class ElasticFinger:
     air: Surroundings
     known: bool
     period: float = 0.0  # s, of its first vibration in modelled water
+    stream: Stream | None = None
 
     @classmethod
     def of(cls, scene: Scene, states: States | None = None) -> ElasticFinger:
@@ -71,7 +73,15 @@ class ElasticFinger:
             replace(air, damping=loss_factor * in_air),
             known is not None,
             2 * np.pi * in_water,
+            Stream.of(scene),
         )
+
+    def streams(self, time: np.ndarray) -> ComplexArray:
+        """Velocity (time,) m/s of a current at the root, in the actuator's frame; 0 without one."""
+        speed = np.zeros(len(time)) if self.stream is None else self.stream.law(time)
+        if self.stream is not None:
+            speed = speed * self.stream.share(self.root[1])
+        return self.in_actuator(np.outer(speed, [1.0, 0.0]))
 
     def in_water(
         self, end: float, steps: int = _STEPS
@@ -84,7 +94,8 @@ class ElasticFinger:
         step = max(self.period / steps, end / _MOST_STEPS)
         time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
         pressure, none = self.chambers(time), np.zeros((len(time), self.chain.slices, 3))
-        turned = motion(self.chain, pressure, float(time[1]), self.model, none, most=np.inf)
+        step, stream = float(time[1]), self.streams(time)
+        turned = motion(self.chain, pressure, step, self.model, none, most=np.inf, streams=stream)
         return time, pressure, turned
 
     def shapes(self, time: np.ndarray, pressure: FloatArray, delta: FloatArray) -> States:
@@ -166,7 +177,8 @@ def modelled_shapes(scene: Scene) -> States:
     time = step * np.arange(round(end / step) + 1)
     pressure = finger.chambers(time)
     nothing = np.zeros((len(time), finger.chain.slices, 3))
-    delta = motion(finger.chain, pressure, step, finger.model, nothing)
+    stream = finger.streams(time)
+    delta = motion(finger.chain, pressure, step, finger.model, nothing, streams=stream)
     return finger.shapes(time, pressure, delta)
 
 

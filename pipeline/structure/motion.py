@@ -9,7 +9,7 @@ damps the chain's highest modes at once, and the first mode at 1 ms by less than
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class Surroundings:
 
     `added_mass` and `drag` are coefficients of a water that `loads` then must not hold; so are
     `inertia` (slice, 3, slice): loads by the slices' angular accelerations, N s² and N m s².
+    `stream`: velocity of the modelled water in the actuator's frame, m/s.
     """
 
     gravity: complex = 0.0
@@ -59,6 +60,7 @@ class Surroundings:
     drag: float = 0.0
     damping: float = 0.0
     inertia: FloatArray | None = None
+    stream: complex = 0.0
 
 
 def forces(
@@ -79,7 +81,8 @@ def forces(
     mass, gravity, fluid = law.rubber_mass * lengths, around.gravity, around.fluid * lengths
     across = 1j * at.heading
     speed, rate = (
-        (np.conj(across) * each).real for each in (velocity, acceleration[..., MIDDLE, :])
+        (np.conj(across) * each).real
+        for each in (velocity - around.stream, acceleration[..., MIDDLE, :])
     )
     water = around.added_mass * np.pi / 4 * chain.width**2 * rate
     water = water + around.drag * chain.width / 2 * np.abs(speed) * speed
@@ -196,17 +199,21 @@ def motion(
     loads: FloatArray,
     start: FloatArray | None = None,
     most: float = LARGEST_SHARE,
+    streams: ComplexArray | None = None,
 ) -> FloatArray:
     """Rotations (time, slice) rad against the shape without load, `step` (s) apart, from rest.
 
     `pressure` (time,) Pa; `loads` (time, slice, 3): N along and across slices, and N m; `start`:
-    rotations in place of the equilibrium at the first time. StageError as of `advance`.
+    rotations in place of the equilibrium at the first time; `streams` (time,): as Surroundings',
+    in its place. StageError as of `advance`.
     """
     unloaded = chain.unloaded(pressure)
     delta = np.empty((len(pressure), chain.slices))
     delta[0] = at_rest(chain, float(pressure[0]), around, loads[0]) if start is None else start
     for m in range(1, len(pressure)):
         times = past(m)
+        if streams is not None:
+            around = replace(around, stream=complex(streams[m]))
         delta[m] = advance(
             chain, unloaded, times, float(pressure[m]), step, around, loads[m], delta[times[1:]],
             most,

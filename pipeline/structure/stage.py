@@ -75,13 +75,14 @@ def _band(finger: ElasticFinger, pressure: FloatArray, step: float) -> dict[str,
     """
     chain, count = finger.chain, len(pressure) + int(_VIBRATIONS * finger.period / step)
     held = np.pad(pressure, (0, count - len(pressure)), mode="edge")
-    none = np.zeros((count, chain.slices, 3))
-    rest = at_rest(chain, float(held[-1]), finger.model, none[0])
+    none, stream = np.zeros((count, chain.slices, 3)), finger.streams(step * np.arange(count))
+    end = replace(finger.model, stream=complex(stream[-1]))
+    rest = at_rest(chain, float(held[-1]), end, none[0])
     goal = float(chain.bend(held[-1:], rest[None])[0])
     largest, settled = np.zeros(2), np.zeros(2)
     for k, loss_factor in enumerate(LOSS_BAND):
         around = replace(finger.model, damping=loss_factor * finger.period / (2 * np.pi))
-        bend = chain.bend(held, motion(chain, held, step, around, none))
+        bend = chain.bend(held, motion(chain, held, step, around, none, streams=stream))
         largest[k] = bend[np.argmax(np.abs(bend))]
         away = np.flatnonzero(np.abs(bend - goal) > SETTLED * abs(goal))
         settled[k] = step * (away[-1] + 1 if away.size else 0)
@@ -95,7 +96,10 @@ def _history(
     """The motion over time, also without load, in air and in water; energies."""
     chain, none, step = finger.chain, np.zeros((*delta.shape, 3)), float(time[1])
     in_air = motion(chain, pressure, step, finger.air, none)
-    wet = delta if values["coupled"] else motion(chain, pressure, step, finger.model, none)
+    wet = delta
+    if not values["coupled"]:
+        stream = finger.streams(time)
+        wet = motion(chain, pressure, step, finger.model, none, streams=stream)
     found: dict[str, Any] = {"step": time}
     turns = {"": delta, "_unloaded": 0 * delta, "_in_air": in_air, "_in_water": wet}
     for name, turn in turns.items():

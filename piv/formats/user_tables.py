@@ -17,7 +17,8 @@ from piv.files.regular import read_regular
 _POINT = re.compile(r"[+-]?([1-9]\d{0,2}(,\d{3})+|\d+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?([1-9]\d{0,2}(\.\d{3})+|\d+)?(,\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _SPACED = re.compile(r"(?<=\d)['’ \u00a0\u202f](?=\d{3}(\D|$))")  # 10'000, 10 000
-_UNIT = re.compile(r"([^\W\d_]+)\s*(?:[\[(_/ ]\s*([^\W\d_]+)\s*[\])]?)?")  # t [ms], t_ms, t/ms
+# t [ms], t_ms, t/ms, u [m/s]
+_UNIT = re.compile(r"([^\W\d_]+)\s*(?:[\[(_/ ]\s*([^\W\d_]+(?:/s)?)\s*[\])]?)?")
 
 
 @dataclass(frozen=True)
@@ -151,14 +152,15 @@ _KINDS = {
     "pressure": (("t", "time"), _TIME, ("p", "pressure"),
                  {"pa": 1.0, "hpa": 100.0, "kpa": 1e3, "mbar": 100.0, "bar": 1e5}),
     "place": (("t", "time"), _TIME, ("x", "position"), {"m": 1.0, "cm": 0.01, "mm": 1e-3}),
+    "speed": (("t", "time"), _TIME, ("u", "speed"), {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3}),
 }  # fmt: skip
 
 
 def read_history(path: Path, kind: str, least: int) -> tuple[NDArray[np.float64], ...]:
     """Increasing times (s) and values (SI) of a table with two columns and `least` rows or more.
 
-    kind: `pressure` (t, p) or `place` (t, x). The header may be absent, or state other units, as
-    t [ms]. StageError with file, line, column and remedy.
+    kind: `pressure` (t, p), `place` (t, x) or `speed` (t, u). The header may be absent, or state
+    other units, as t [ms]. StageError with file, line, column and remedy.
     """
     times, of_time, values, of_value = _KINDS[kind]
     units = f"{next(iter(of_time))} and {next(iter(of_value)).replace('pa', 'Pa')}"

@@ -15,8 +15,11 @@ _TAKERS = {
 }
 
 
-def energy(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
-    """The finger's work over time, and what has become of it, stacked."""
+def energy(power: pd.DataFrame, terms: pd.DataFrame, through: pd.DataFrame | None = None) -> Figure:
+    """The finger's work over time, and what has become of it, stacked.
+
+    `through`: what a current carries through the tank's ends, whose energy counts beside the work.
+    """
     figure, ax = new_figure(WIDTH, HEIGHT)
     time = terms["time"].to_numpy()
     kinetic = power["kinetic_energy"] - power["kinetic_energy"].iloc[0]
@@ -26,8 +29,13 @@ def energy(power: pd.DataFrame, terms: pd.DataFrame) -> Figure:
     stacked = np.stack([parts[name] for name in parts]) * 1e3
     ax.stackplot(time, stacked, labels=names, colors=colours, linewidth=0)
     work = cumulative_trapezoid(power["finger_power"], power["time"], initial=0)
-    ax.plot(power["time"], work * 1e3, color=INK, label="work of the finger")
-    ax.set(xlabel="time, s", ylabel="energy, mJ", title="Where the finger's work goes")
+    label, title = "work of the finger", "Where the finger's work goes"
+    if through is not None:
+        brought = cumulative_trapezoid(through["power"], through["time"], initial=0)
+        work = work + np.interp(power["time"], through["time"], brought)
+        label, title = "work of finger and current", "Where the work goes"
+    ax.plot(power["time"], work * 1e3, color=INK, label=label)
+    ax.set(xlabel="time, s", ylabel="energy, mJ", title=title)
     ax.margins(x=0)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, reverse=True)
     return figure

@@ -3,6 +3,7 @@
 import os
 from typing import Any
 
+from pipeline.scene.current import Stream, frontal_share, lead_steps
 from pipeline.scene.obstacle import Obstacle
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.read_toml import FILE_KEYS
@@ -28,7 +29,7 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
 
     `speed`: peak tip speed (m/s); `tip_height`: highest position of the tip (m).
     """
-    name = "body" if scene.body else "finger"
+    name = _name(scene)
     reynolds = speed * _width(scene) / scene.fluid.kinematic_viscosity
     turbulence, kind = scene.fluid.turbulence, scene.model.kind
     flow = (
@@ -69,6 +70,7 @@ def statements(scene: Scene, speed: float, tip_height: float) -> list[tuple[str,
     return [
         ("Motion", motion),
         *([("Actuator", _actuator(scene))] if scene.actuator and not scene.body else []),
+        *([("Current", _current(stream, scene))] if (stream := Stream.of(scene)) else []),
         ("Water surface", surface),
         ("Turbulence", f"{flow} Reynolds number by {name} width {reynolds:,.0f}."),
         ("Model", model),
@@ -84,9 +86,48 @@ def _files(scene: Scene) -> list[str]:
     """What a run reads of the scene's folder and of others, as paths from the scene's folder."""
     parents = [os.path.relpath(folder, scene.folder) for folder in scene.parents]
     named = [getattr(scene.motion, key) for key in sorted(FILE_KEYS)]
+    named.append(scene.current.table if scene.current else None)
     results = scene.fea.get("results", {})
     named += [results.get(key) for key in ("file", "displacements")]
     return ["scene.toml", *(f"{name}/scene.toml" for name in parents), *filter(None, named)]
+
+
+def _current(stream: Stream, scene: Scene) -> str:
+    """How water runs through the tank, how it began, and what the walls do to it."""
+    current, step = stream.current, scene.numerics.time_step
+    peak, lead = stream.peak(scene.motion.end_time, step), lead_steps(scene) * step
+    begun = (
+        f"runs from the start, and has run {lead:.3g} s past the resting {_name(scene)}"
+        if lead
+        else f"begins from rest{f' over {current.ramp:g} s' if current.ramp else ''}; while it"
+        " is accelerated, the mesh disturbs it by a few per cent"
+    )
+    time = (
+        f", as {current.table} says"
+        if current.table
+        else f" and swings by {current.amplitude:g} m/s at {current.frequency:g} Hz"
+        if current.amplitude
+        else ""
+    )
+    profile = (
+        f"; the inflow has a boundary layer of {1e3 * current.thickness:g} mm at the bottom"
+        if current.thickness
+        else "; the inflow is uniform"
+    )
+    walls = "sticks to" if current.walls == "no-slip" else "slips along"
+    blocked = frontal_share(scene)
+    return (
+        f"Water runs through the tank's ends towards {current.direction} at up to"
+        f" {peak:.3g} m/s{time}. It {begun}{profile}. At the outflow the pressure is 0 and the"
+        " velocity has no gradient; what enters there comes straight. Water"
+        f" {walls} the tank's bottom and sides. The straight {_name(scene)} takes"
+        f" {100 * blocked:.1f} % of the tank's cross-section, beside which water runs up to"
+        f" {100 * blocked / (1 - blocked):.1f} % faster than in open water."
+    )
+
+
+def _name(scene: Scene) -> str:
+    return "body" if scene.body else "finger"
 
 
 def _actuator(scene: Scene) -> str:
@@ -134,7 +175,7 @@ def _pressure(motion: Motion) -> str:
 
 def purpose(scene: Scene, trial: str, speed: float, tip_height: float) -> tuple[str, str]:
     """What a run can be used for, and what not; `trial`: why it is only for trying out."""
-    name = "body" if scene.body else "finger"
+    name = _name(scene)
     if trial:
         return (
             "checking that every stage works, and trying out settings.",
@@ -156,6 +197,14 @@ def flow_numbers(scene: Scene, speed: float, way: float, run: dict[str, Any]) ->
     """The numbers that set the flow; `speed`: peak of the tip, m/s; `way`: the tip's path, m."""
     strokes = scene.motion.strokes
     width, viscosity = _width(scene), scene.fluid.kinematic_viscosity
+    current = ""
+    if stream := Stream.of(scene):
+        peak = stream.peak(scene.motion.end_time, scene.numerics.time_step)
+        current = (
+            f" · current of {peak:.3g} m/s: Reynolds number {peak * width / viscosity:,.0f} by"
+            f" width, {peak / speed:.2g} of the peak tip speed, past a width in"
+            f" {width / peak:.2g} s"
+        )
     time = sum(stroke.duration for stroke in strokes) or scene.motion.end_time
     ratio = (
         f"formation number {way / width:.2g} (way of the tip over width)"
@@ -165,7 +214,8 @@ def flow_numbers(scene: Scene, speed: float, way: float, run: dict[str, Any]) ->
     return (
         f"Reynolds number {speed * width / viscosity:,.0f} by width and peak tip speed"
         f" {speed:.3f} m/s · {ratio} · Strouhal number {width / (speed * time):.2g} (width over"
-        f" speed and {time:g} s of motion) · Courant number at most {run['courant_max']:.1f}"
+        f" speed and {time:g} s of motion){current} · Courant number at most"
+        f" {run['courant_max']:.1f}"
     )
 
 

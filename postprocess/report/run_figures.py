@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from pipeline.formats.records import POWER, POWER_TERMS, RUN
+from pipeline.formats.records import POWER, POWER_TERMS, RUN, THROUGH_FLOW
 from piv.formats.recording import open_recording_file
 from postprocess.draw import mesh as draw_mesh
 from postprocess.draw import solver as draw_solver
@@ -18,8 +18,10 @@ def energy_figure(album: Album, out: Path) -> None:
     """Draw where the finger's work goes."""
     balance = RUN.read(out / "run/run.json")["power_balance"]
     tables = POWER.read(out / "run/power.csv"), POWER_TERMS.read(out / "run/power_terms.csv")
+    through = THROUGH_FLOW.read(out / "run/through_flow.csv") if "supplied" in balance else None
     alt = "Work of the finger over time, and what it has become, stacked."
-    album.add(draw_solver.energy(*tables), "energy.svg", "solve", alt, balance_sentence(balance))
+    figure = draw_solver.energy(*tables, through)
+    album.add(figure, "energy.svg", "solve", alt, balance_sentence(balance))
 
 
 def mesh_figures(album: Album, planforms: list[dict[str, np.ndarray]], plane: xr.Dataset) -> None:

@@ -7,6 +7,8 @@ from postprocess.words import NBSP, PAIRS, VERDICTS, measured_text, quantity
 
 def balance_sentence(balance: dict[str, Any]) -> str:
     """What has become of the finger's work, of run.json's `power_balance`."""
+    if "supplied" in balance:
+        return _with_current(balance)
     work, unexplained = abs(balance["work"]) or 1.0, balance["unexplained_fraction"]
     parts = balance["taken"] | {"kinetic": balance["kinetic_energy"]}
     of = {name: quantity(value / work, "fraction") for name, value in parts.items()}
@@ -19,11 +21,28 @@ def balance_sentence(balance: dict[str, Any]) -> str:
     )
 
 
+def _with_current(balance: dict[str, Any]) -> str:
+    """The same with a current, which brings energy and takes it away."""
+    parts = {"work": balance["work"], "supplied": balance["supplied"]} | balance["taken"]
+    parts["kinetic"], parts["rest"] = balance["kinetic_energy"], balance["unexplained"]
+    of = {name: f"{1e3 * value:.3g}{NBSP}mJ" for name, value in parts.items()}
+    return (
+        f"The finger gives the water {of['work']}, and the current brings {of['supplied']} more"
+        f" than it takes away. The water's kinetic energy changes by {of['kinetic']}; viscosity has"
+        f" taken {of['viscous']}, the convection scheme {of['convection']}, the coupling of"
+        f" pressure and velocity {of['coupling']}; {of['rest']} are unexplained,"
+        f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} of what finger, current and"
+        " water exchange. What the schemes take acts as viscosity of the mesh."
+    )
+
+
 def power_sentence(balance: dict[str, Any]) -> str:
     """How much of the finger's work the schemes take, and how much is unexplained."""
     taken = balance["taken"]
     schemes = (taken["convection"] + taken["coupling"]) / (abs(balance["work"]) or 1.0)
     warning = balance.get("warning")
+    if "supplied" in balance:
+        return (f"Warning: {warning}. " if warning else "") + _with_current(balance)
     return (
         (f"Warning: {warning}. " if warning else "")
         + "Of the finger's work on the water the numerical schemes take"

@@ -20,6 +20,7 @@ from pipeline.openfoam.foamfile import END, binary_list, header, read_field, wri
 from pipeline.scene.scene import Scene
 from pipeline.solve.guards import Guard
 from pipeline.solve.interval import KnownMotion, solver_intervals
+from pipeline.solve.lead import solve_lead
 from pipeline.solve.map_fields import swept_cells
 from pipeline.solve.prepare import prepare
 from pipeline.solve.solver import solve
@@ -38,10 +39,13 @@ class Cells:
     velocity: np.ndarray
 
 
-def solve_transparent(scene: Scene, initial: Field, boundary: str) -> None:
+def solve_transparent(
+    scene: Scene, initial: Field | None = None, boundary: str = "fixedValue"
+) -> None:
     """Mesh, case and solution of a scene whose body lets water through.
 
-    `boundary`: type of U on the outer sides: `slip`, or `fixedValue`, of the initial field.
+    `boundary`: type of U on the outer sides: `slip`, or `fixedValue`, of the initial field. Without
+    an initial field the case keeps its own fields and conditions.
     """
     scene.out.mkdir(parents=True, exist_ok=True)
     kinematics.run(scene, quiet=True)
@@ -56,24 +60,29 @@ def solve_transparent(scene: Scene, initial: Field, boundary: str) -> None:
     with h5py.File(path, "a") as file:
         file["mesh_0/body"][...] = 0
     case.run(scene, quiet=True)
-    folder = scene.out / "case" / intervals[0].name
-    first = _cells(scene, 0.0, None)
-    walls = {
-        name: b"type slip;" if boundary == "slip" else _fixed_value(initial(middle, 0.0))
-        for name, middle in _outer_faces(scene).items()
-    }
-    _write_velocity(folder / "0" / "U", initial(first.centres, 0.0), walls)
-    _edit(folder / "0" / "p", (r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }"))
-    _edit(
-        folder / "system" / "fvSolution",
-        (r"PIMPLE\n\{", "PIMPLE\n{\n    pRefCell            0;\n    pRefValue           0;"),
-        (r"(tolerance +)[\de.-]+;", r"\g<1>1e-11;"),
-        (r"(relTol +)[\d.]+;", r"\g<1>0;"),
-        (r"maxIter +\d+;", ""),
-    )
-    (folder / "system" / "functions").write_text("// no body, no forces\n")
+    case_folder = scene.out / "case"
+    folder = case_folder / intervals[0].name
+    if initial is not None:
+        first = _cells(scene, 0.0, None)
+        walls = {
+            name: b"type slip;" if boundary == "slip" else _fixed_value(initial(middle, 0.0))
+            for name, middle in _outer_faces(scene).items()
+        }
+        _write_velocity(folder / "0" / "U", initial(first.centres, 0.0), walls)
+        _edit(folder / "0" / "p", (r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }"))
+    for system in case_folder.glob("*/system"):
+        _edit(
+            system / "fvSolution",
+            (r"PIMPLE\n\{", "PIMPLE\n{\n    pRefCell            0;\n    pRefValue           0;"),
+            (r"(tolerance +)[\de.-]+;", r"\g<1>1e-11;"),
+            (r"(relTol +)[\d.]+;", r"\g<1>0;"),
+            (r"maxIter +\d+;", ""),
+        )
+    for name in ("functions", "obstacles"):
+        (folder / "system" / name).write_text("// no body, no forces\n")
     parts = solver_intervals(scene, 1, True)
     parts[0].guard = Guard(scene.numerics.max_courant)  # no body, no guard of the energy
+    solve_lead(scene, parts[0], solve, True)
     motion = KnownMotion(parts[0])
     prepare(parts, 0, motion, True)
     with tqdm(disable=True) as bar:
