@@ -76,8 +76,13 @@ def measured_path(path: Path, end_time: float) -> Distance:
     return Distance(time, law(time) - law(np.zeros(1)), law(time, 1))
 
 
-def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]:
-    """Variables and attributes of kinematics.h5; StageError: no motion, or too many shapes."""
+def rigid_values(
+    body: RigidBody, motion: Motion, where: Path, may_rest: bool = False
+) -> dict[str, Any]:
+    """Variables and attributes of kinematics.h5; StageError: no motion, or too many shapes.
+
+    A body that `may_rest` needs no motion.
+    """
     law = motion.displacement or motion.rotation
     if law:
         path = travelled(law, motion.end_time)
@@ -85,8 +90,10 @@ def rigid_values(body: RigidBody, motion: Motion, where: Path) -> dict[str, Any]
         path = measured_path(where.parent / str(motion.path_csv), motion.end_time)
     distance = (np.radians(1.0) if motion.rotation else 1.0) * path.distance
     low, high = float(distance.min()), float(distance.max())
-    check_motion((high - low) * (0.5 * body.size if motion.rotation else 1.0), body.size, where)
     step = motion.path_step or (np.radians(5.0) if motion.rotation else 0.1 * body.size)
+    if may_rest and low == high:
+        high = low + step  # shapes that it does not take
+    check_motion((high - low) * (0.5 * body.size if motion.rotation else 1.0), body.size, where)
     check_number((high - low) / step, "motion.path_step", step, where)
     knots = np.linspace(low, high, max(5, int(np.ceil((high - low) / step)) + 1))
     centre = np.asarray(body.centre)

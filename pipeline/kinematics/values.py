@@ -100,7 +100,8 @@ def kinematics_values(
     """
     motion, where = scene.motion, scene.folder / "scene.toml"
     if scene.body is not None:
-        values: dict[str, Any] = dict(rigid_values(scene.body, motion, where))
+        may_rest = scene.current is not None
+        values: dict[str, Any] = dict(rigid_values(scene.body, motion, where, may_rest))
         check_body(values["shape_outline"], scene.tank, where)
     else:
         pinch = None if exact else scene.pinch  # which keeps the guess from closing

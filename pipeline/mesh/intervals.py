@@ -64,7 +64,7 @@ def divide(deformation: ndarray, count: int, sampling: int, overlap: int) -> lis
             intervals.append((part, step))
     intervals = _without_short_ones(intervals, steps, 2 * overlap + 1)
     rest = -(-(last_move(deformation) + overlap + 1) // sampling) * sampling
-    long = steps - rest >= max(2 * overlap + 1, _LEAST_REST * steps)
+    long = steps - rest >= max(2 * overlap + 1, _LEAST_REST * steps) and np.ptp(deformation) > 0
     if long and rest - intervals[-1][1] > 2 * overlap:
         intervals.append((intervals[-1][0], rest))
     served: dict[int, list[tuple[int, int]]] = {}

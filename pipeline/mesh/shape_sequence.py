@@ -36,7 +36,7 @@ class ShapeSequence:
     def within(self, low: float, high: float) -> "ShapeSequence":
         """The shapes at parameters `low` and `high` and the knots between them."""
         knots = self.parameter
-        if low <= knots[0] and high >= knots[-1]:
+        if (low <= knots[0] and high >= knots[-1]) or low == high:  # a body that rests
             return self
         low, high = max(low, knots[0]), min(high, knots[-1])
         step = np.interp([low, high], 0.5 * (knots[1:] + knots[:-1]), np.diff(knots))

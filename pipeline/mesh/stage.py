@@ -263,10 +263,10 @@ def run(scene: Scene, quiet: bool = False) -> None:
     overlap = overlap_steps(numerics.time_step)
     meshes, rows = _choose_meshes(setting, mesh, sampling, overlap, quiet)
     MESH_QUALITY.write(scene.out / "mesh_quality.csv", rows)
-    # a coupled finger may move where the first guess rests
-    still = (
-        len(setting.motion) if scene.coupled else last_move(setting.deformation_of_steps) + overlap
-    )
+    # a coupled finger may move where the first guess rests, and a body in a current may not at all
+    moves = np.ptp(setting.deformation_of_steps) > 0
+    still = last_move(setting.deformation_of_steps) + overlap if moves else -1
+    still = len(setting.motion) if scene.coupled else still
     write_planform(
         scene.out / "planform.h5",
         _intervals_of([morphed.part for morphed in meshes], numerics.time_step, still),

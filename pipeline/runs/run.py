@@ -281,8 +281,9 @@ def _other_runs(scene: Scene, stage: str) -> Iterator[Path]:
 def _files(stage: Stage, scene: Scene) -> dict[str, Path]:
     """Files that a stage reads besides the results of others, by a name without folder."""
     files: dict[str, Path] = {}
-    if "current" in stage.sections and scene.current and scene.current.table:
-        files["current.table"] = scene.folder / scene.current.table
+    table = getattr(scene.current, "table", None)
+    if table and "current" in stage.sections:
+        files["current.table"] = scene.folder / table
     if stage.name == "kinematics":
         named = {key: getattr(scene.motion, key) for key in FILE_KEYS}
         return files | {f"motion.{key}": scene.folder / name for key, name in named.items() if name}

@@ -203,7 +203,7 @@ def _check_speed(scene: Any) -> None:
             f"current: it does not run before motion.end_time = {end:g} s; give a later end_time,"
             " or a table that begins earlier"
         )
-    if peak > most:
+    if peak > most and scene.body is None:  # a rigid body's scene is in units of its own
         raise ValueError(
             f"current: {peak:.3g} m/s make waves in water of this depth, which the rigid lid has"
             f" not (Froude number above {_FROUDE:g}); give at most {_rounded(most):g} m/s"

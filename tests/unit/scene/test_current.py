@@ -6,6 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.formats.mesh_intervals import read_intervals
+from pipeline.kinematics import stage as kinematics
+from pipeline.kinematics.camera_window import following
+from pipeline.mesh import stage as mesh
 from pipeline.scene.current import Stream, lead_steps
 from pipeline.scene.scene import Scene, load_scene
 from piv.files.errors import StageError
@@ -144,3 +148,28 @@ def test_a_body_that_takes_much_of_the_cross_section_is_remarked(tmp_path):
     assert any("23 % of the tank's cross-section" in remark for remark in scene.remarks())
     scene = scene_of(tmp_path / "s", "[current]\nspeed = 0.1", "draft")
     assert not any("cross-section" in remark for remark in scene.remarks())
+
+
+def test_the_view_holds_where_a_current_carries_vortices(tmp_path):
+    """By half a finger's length at most, downstream alone."""
+    motion = "[motion]\nend_time = 0.8\n"  # without a view of its parent's
+    still = following(scene_of(tmp_path / "s", motion))
+    moving = following(scene_of(tmp_path / "s", f"{motion}[current]\nspeed = 0.1\n"))
+
+    def ends(view):
+        half = 0.5e-3 * view["camera.columns"] * view["camera.scale_mm_per_px"]
+        return np.array([-half, half]) + view["camera.centre"][0]
+
+    grown = ends(moving) - ends(still)
+    assert grown[1] > 0.5 * 0.035
+    assert abs(grown[0]) < 0.5 * grown[1]
+
+
+def test_a_rigid_body_may_rest_in_a_current_alone(tmp_path):
+    """Its mesh then stands still. Of still water there would be nothing to see."""
+    scene = load_scene(CASES / "validation" / "cylinder_in_current", "tiny", out=tmp_path)
+    kinematics.run(scene, quiet=True)
+    mesh.run(scene, quiet=True)
+    assert [interval.moving for interval in read_intervals(tmp_path)] == [False]
+    with pytest.raises(StageError, match="water would stand still"):
+        kinematics.run(scene.model_copy(update={"current": None}), quiet=True)

@@ -149,7 +149,7 @@ def test_before_the_bending_analysis_the_view_is_open(tmp_path):
 def test_a_computed_motion_that_leaves_the_view_is_refused_before_the_mesh(tmp_path, monkeypatch):
     """Of an own actuator or a coupled finger, whose path is not known before."""
     scene = write_scene(tmp_path, more="[camera]\ncentre = [0.2, 0.1]\n")
-    seen = TipPath(np.array([[0.2, 0.1]]), 0.1, 0, np.zeros(1))
+    seen = TipPath(np.array([[0.2, 0.1]]), 0.1, 0, *np.zeros((2, 1)))
     monkeypatch.setattr("pipeline.runs.run.tip_path", lambda _: seen)
     run = open_run(scene.folder, "tiny")
     with pytest.raises(StageError, match="the tip leaves the picture"):
