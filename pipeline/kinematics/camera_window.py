@@ -72,8 +72,8 @@ def tip_path(scene: Scene, over_time: States | None = None) -> TipPath:
     places = np.stack([np.interp(parameter[some], known, axis) for axis in tip.T], axis=1)
     travel = _travel(time, speed, scene.finger.thickness)[some]
     stream = Stream.of(scene)
-    way = cumulative_trapezoid(stream.law(time) if stream else 0 * time, time, initial=0)
-    drift = (way[-1] - way)[some]
+    went = cumulative_trapezoid(stream.law(time) if stream else 0 * time, time, initial=0)
+    drift = (went[-1] - went)[some]
     return TipPath(places, float(speed.max()), _turns(done), travel, drift)
 
 

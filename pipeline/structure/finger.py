@@ -151,8 +151,10 @@ def path_in_water(scene: Scene) -> TipPath:
     finger = ElasticFinger.of(scene)
     wet = tip_path(scene, finger.shapes(*finger.in_water(scene.motion.end_time, _STEPS_SEEN)))
     places = np.vstack([still.places, wet.places])
-    travel = np.concatenate([np.zeros(len(still.places)), wet.travel])
-    return TipPath(places, wet.speed, wet.turns, travel)
+    carried = np.zeros((2, len(still.places)))  # the poses at rest leave no vortex
+    travel = np.concatenate([carried[0], wet.travel])
+    drift = np.concatenate([carried[1], wet.drift])
+    return TipPath(places, wet.speed, wet.turns, travel, drift)
 
 
 def modelled_shapes(scene: Scene) -> States:

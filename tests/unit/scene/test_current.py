@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.kinematics import stage as kinematics
-from pipeline.kinematics.camera_window import following
+from pipeline.kinematics.camera_window import following, tip_path
 from pipeline.mesh import stage as mesh
 from pipeline.scene.current import Stream, lead_steps
 from pipeline.scene.scene import Scene, load_scene
@@ -150,11 +150,15 @@ def test_a_body_that_takes_much_of_the_cross_section_is_remarked(tmp_path):
     assert not any("cross-section" in remark for remark in scene.remarks())
 
 
+def view_of(scene: Scene) -> dict:
+    return following(scene, tip_path(scene))
+
+
 def test_the_view_holds_where_a_current_carries_vortices(tmp_path):
     """By half a finger's length at most, downstream alone."""
     motion = "[motion]\nend_time = 0.8\n"  # without a view of its parent's
-    still = following(scene_of(tmp_path / "s", motion))
-    moving = following(scene_of(tmp_path / "s", f"{motion}[current]\nspeed = 0.1\n"))
+    still = view_of(scene_of(tmp_path / "s", motion))
+    moving = view_of(scene_of(tmp_path / "s", f"{motion}[current]\nspeed = 0.1\n"))
 
     def ends(view):
         half = 0.5e-3 * view["camera.columns"] * view["camera.scale_mm_per_px"]
