@@ -24,7 +24,7 @@ def balance_sentence(balance: dict[str, Any]) -> str:
 def _with_current(balance: dict[str, Any]) -> str:
     """The same with a current, which brings energy and takes it away."""
     parts = {"work": balance["work"], "supplied": balance["supplied"]} | balance["taken"]
-    parts["kinetic"], parts["rest"] = balance["kinetic_energy"], balance["unexplained"]
+    parts["kinetic"], parts["rest"] = balance["kinetic_energy"], abs(balance["unexplained"])
     of = {name: f"{1e3 * value:.3g}{NBSP}mJ" for name, value in parts.items()}
     return (
         f"The finger gives the water {of['work']}, and the current brings {of['supplied']} more"

@@ -13,6 +13,7 @@ from docs.evidence.validation import (
     finger,
     plates,
     ringdown,
+    shedding,
     sprung,
 )
 from docs.evidence.validation.checks import Result, write_result
@@ -25,6 +26,7 @@ CYLINDERS = {
     "oscillating_cylinder": cylinders.oscillating,
     "impulsive_cylinder": cylinders.impulsive,
     "accelerating_cylinder": cylinders.accelerating,
+    "cylinder_in_current": shedding.measure,
 }
 
 
