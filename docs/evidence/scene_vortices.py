@@ -1,6 +1,6 @@
 """Print the main vortex of each scene in the flow and in PIV, from the runs of a level.
 
-python -m docs.evidence.scene_vortices LEVEL
+python -m docs.evidence.scene_vortices LEVEL [SCENE ...]
 """
 
 import sys
@@ -17,9 +17,16 @@ from postprocess.evidence.tip_vortex import KNOWN
 SCENES = ("single_finger", "single_deflate", "cycle", "pinch")
 
 
-def main_track(folder: Path, table: str, series: str) -> tuple[pd.DataFrame, str]:
-    """Select the strongest track over time without bridges; tell at how many instants it is."""
+def main_track(
+    folder: Path, table: str, series: str, like: pd.DataFrame | None = None
+) -> tuple[pd.DataFrame, str]:
+    """Select the strongest track over time without bridges; tell at how many instants it is.
+
+    `like`: rows of a track whose sense it has. A pinch has two mirrored vortices.
+    """
     rows = read_vortices(folder / table)
+    if like is not None:
+        rows = rows[rows["circulation_disc"] * like["circulation_disc"].median() > 0]
     track = rows["circulation_disc"].abs().groupby(rows["track"]).sum().idxmax()
     rows = rows[(rows["track"] == track) & (rows["bridged"] == 0)].sort_values("time")
     with read_plane(folder / series) as planes:
@@ -35,7 +42,7 @@ def row_of(scene: str, level: str) -> dict[str, object]:
     if not (folder / "vortices_piv.csv").exists():
         raise SystemExit(f"{scene} has no vortices at level {level}: make {scene} LEVEL={level}")
     flow, followed = main_track(folder, "vortices_cfd.csv", "sheet.h5")
-    piv, in_piv = main_track(folder, "vortices_piv.csv", "piv.h5")
+    piv, in_piv = main_track(folder, "vortices_piv.csv", "piv.h5", flow)
     piv = piv[piv["time"].between(*flow["time"].iloc[[0, -1]])]
     true = np.interp(piv["time"], flow["time"], flow["circulation_disc"])
     known = piv["circulation_disc_std"] < KNOWN * piv["circulation_disc"].abs()
@@ -52,4 +59,5 @@ def row_of(scene: str, level: str) -> dict[str, object]:
 
 if __name__ == "__main__":
     level = sys.argv[1] if len(sys.argv) > 1 else "coarse"
-    print(pd.DataFrame([row_of(scene, level) for scene in SCENES]).to_string(index=False))
+    rows = [row_of(scene, level) for scene in sys.argv[2:] or SCENES]
+    print(pd.DataFrame(rows).to_string(index=False))

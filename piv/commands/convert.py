@@ -59,11 +59,6 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         help="height of the image, for px that count downwards",
     )
     parser.add_argument(
-        "--keep-replaced",
-        action="store_true",
-        help="keep vectors that PIVlab interpolated, flagged 4",
-    )
-    parser.add_argument(
         "--zero-is-absent", action="store_true", help="vectors of exactly (0, 0) are masked"
     )
 
@@ -73,7 +68,6 @@ def reading(args: argparse.Namespace) -> dict[str, Any]:
     return {
         "kind": args.kind,
         "rate": args.rate,
-        "keep_replaced": args.keep_replaced,
         "zero_is_absent": args.zero_is_absent,
         "length_unit": args.length_unit,
         "velocity_unit": args.velocity_unit,

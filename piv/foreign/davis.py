@@ -1,5 +1,6 @@
 """Vector buffers of DaVis, .vc7."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from piv.foreign.vectors import Vectors, on_grid, spelled
 from piv.images.recordings.davis import read_with_lvpyio, scale_of
 
 
-def read_davis(path: Path) -> Vectors:
+def read_davis(path: Path) -> Iterator[Vectors]:
     """Vectors of the first frame of a buffer, scaled; disabled and masked ones are absent.
 
     Positions are grid index x grid x slope + offset (DaVis) and v is positive in the direction of
@@ -29,9 +30,7 @@ def read_davis(path: Path) -> Vectors:
     grid = on_grid(path, [*np.meshgrid(x, y), u, v], np.where(absent, 2, 0))
     velocity = spelled(buffer["i"][2])
     velocity = "px/frame" if velocity == "px" else velocity
-    return Vectors(
-        *grid, spelled(unit_x) or None, velocity or None, "down" if slope_y > 0 else "up"
-    )
+    yield Vectors(*grid, spelled(unit_x) or None, velocity or None, "down" if slope_y > 0 else "up")
 
 
 def _read(path: str) -> dict[str, Any]:

@@ -24,15 +24,15 @@ _STATED = ("calxy", "calu", "expected_image_size")  # of a session
 Instant = list[ndarray]  # x, y, u, v and the type of each vector
 
 
-def read_pivlab(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
+def read_pivlab(path: Path) -> Iterator[Vectors]:
     """Every instant; ValueError for another kind of file.
 
     Filtered vectors where there are some. Vector type 1 is measured, 0 masked, 2 rejected and
-    interpolated: absent unless `keep_replaced`. A session is in px, and states its calibration. In
+    interpolated: absent. A session is in px, and states its calibration. In
     px y points down (PIVlab's image axes); an export does not say where it points in metres.
     """
     for (x, y, u, v, kind), stated in instants(path):
-        flag = np.select([kind == 1, kind == 0], [0, 2], 4 if keep_replaced else 1)
+        flag = np.select([kind == 1, kind == 0], [0, 2], 1)
         more = stated | ({"y_axis": "down"} if stated.get("length_unit") == "px" else {})
         yield Vectors(*on_grid(path, [x, y, u, v], flag), **more)
 

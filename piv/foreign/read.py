@@ -1,7 +1,7 @@
 """From other programs' vectors to plane series."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,22 +25,17 @@ _SUFFIXES = {
 }  # fmt: skip
 READERS = tuple(_SUFFIXES)
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+# what a file states or the caller: the known words, None for numbers
+_OPTIONS: dict[str, list[str] | None] = {
+    "length_unit": [*LENGTHS, "px"],
+    "velocity_unit": [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")],
+    "y_axis": ["up", "down"], "scale_mm_per_px": None, "interval": None, "image_rows": None,
+}  # fmt: skip
 _ROWS = "omit `image_rows`, which is of files that count px downwards"
 _SINGLE = "holds a single instant; omit `rate`, which is of a series"
-_VELOCITIES = [f"{unit}/{per}" for per in ("s", "frame") for unit in (*LENGTHS, "px")]
 
 
-def to_plane(
-    vectors: Vectors,
-    name: str,
-    *,
-    length_unit: str | None = None,
-    velocity_unit: str | None = None,
-    y_axis: str | None = None,
-    scale_mm_per_px: float | None = None,
-    interval: float | None = None,
-    image_rows: int | None = None,
-) -> xr.Dataset:
+def to_plane(vectors: Vectors, name: str, **units: Any) -> xr.Dataset:
     """A plane in m and m/s, y up, from vectors in the file's units and the stated options.
 
     Displacements in px stay px unless scale and interval are known, or one of them is stated: then
@@ -48,61 +43,41 @@ def to_plane(
     height of the image, because 0 is to be its bottom row. ValueError names the missing option, and
     refuses an option that contradicts the file or that is not used.
     """
-    stated = "px/frame" if vectors.velocity_unit == "px" else vectors.velocity_unit
-    length, velocity, direction = _agreed(
-        name,
-        {
-            "length_unit": (vectors.length_unit, length_unit, [*LENGTHS, "px"]),
-            "velocity_unit": (stated, velocity_unit, _VELOCITIES),
-            "y_axis": (vectors.y_axis, y_axis, ["up", "down"]),
-        },
+    own = {option: getattr(vectors, option) for option in _OPTIONS}
+    if own["velocity_unit"] == "px":
+        own["velocity_unit"] = "px/frame"
+    length, velocity, direction, scale, interval, rows = _agreed(name, own, units).values()
+    unit, per = velocity.split("/")
+    of_caller = [units.get(option) is not None for option in ("scale_mm_per_px", "interval")]
+    pixels = (length, velocity) == ("px", "px/frame") and not (
+        any(of_caller) or (scale and interval)
     )
-    wanted = scale_mm_per_px is not None or interval is not None
-    scale = _number(name, "scale_mm_per_px", vectors.scale_mm_per_px, scale_mm_per_px)
-    interval = _number(name, "interval", vectors.interval, interval)
-    rows = _number(name, "image_rows", vectors.image_rows, image_rows)
-    pixels = (length, velocity) == ("px", "px/frame") and not wanted and not (scale and interval)
-    if scale_mm_per_px is not None and not velocity.startswith("px") and length != "px":
+    if of_caller[0] and "px" not in (length, unit):
         raise ValueError(
             f"{name}: is in {length} and {velocity}; omit `scale_mm_per_px`, which is of px"
         )
-    if image_rows is not None and (length, direction) != ("px", "down"):
+    if units.get("image_rows") is not None and (length, direction) != ("px", "down"):
         raise ValueError(f"{name}: {_ROWS}")
-
-    def factor(unit: str) -> float:
-        if pixels:
-            return 1.0
-        if unit != "px":
-            return LENGTHS[unit]
-        if scale is None:
-            raise ValueError(f"{name}: the file is in px; give `scale_mm_per_px`")
-        return scale * 1e-3
-
-    unit, per = velocity.split("/")
-    speed = factor(unit)
-    if per == "frame" and not pixels:
-        if interval is None:
-            raise ValueError(
-                f"{name}: displacements per frame; give the time between exposures, `interval`"
-            )
-        speed /= interval
-    x, y, flag = vectors.x * factor(length), vectors.y, vectors.flag
-    u, v = vectors.u * speed, vectors.v * speed
+    if "px" in (length, unit) and scale is None and not pixels:
+        raise ValueError(f"{name}: the file is in px; give `scale_mm_per_px`")
+    if per == "frame" and interval is None and not pixels:
+        raise ValueError(
+            f"{name}: displacements per frame; give the time between exposures, `interval`"
+        )
+    sizes = LENGTHS | {"px": 1.0 if pixels else 1e-3 * (scale or 0.0)}
+    speed = sizes[unit] / (interval if per == "frame" and not pixels else 1.0)
+    y, u, v, flag = vectors.y, vectors.u * speed, vectors.v * speed, vectors.flag
     if direction == "down":
-        if length == "px":
-            if rows is None:
-                raise ValueError(
-                    f"{name}: y is in px from the top; give the image's height, `image_rows`"
-                )
-            y = (rows - 1) - y
-        else:
-            y = -y
+        if length == "px" and rows is None:
+            raise ValueError(
+                f"{name}: y is in px from the top; give the image's height, `image_rows`"
+            )
+        y = (rows - 1 if length == "px" else 0) - y
         y, u, v, flag = y[::-1], u[::-1], -v[::-1], flag[::-1]
-    y = y * factor(length)
-    valid = (flag == 0) | (flag == 4)
-    valid &= np.isfinite(u) & np.isfinite(v)
+    valid = (flag == 0) & np.isfinite(u) & np.isfinite(v)
     u, v = np.where(valid, u, np.nan), np.where(valid, v, np.nan)
-    plane = make_plane(x, y, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
+    axes = vectors.x * sizes[length], y * sizes[length]
+    plane = make_plane(*axes, u, v, valid=valid, flag=np.ascontiguousarray(flag, np.uint8))
     if interval is not None:
         plane.attrs["interval"] = float(interval)
     return in_px(plane, "frame") if pixels else plane
@@ -116,39 +91,34 @@ def in_px(plane: xr.Dataset, time: str) -> xr.Dataset:
     return plane
 
 
-def _number(name: str, option: str, stated: float | None, value: float | None) -> float | None:
-    """The number that the file states, or the caller; ValueError where they differ."""
-    if value is not None and not value > 0:
-        raise ValueError(f"{name}: `{option}` must be positive, got {value:g}")
-    if stated and value and abs(value / stated - 1) > 1e-3:
-        raise ValueError(
-            f"{name}: `{option}` {value:g} contradicts the file, which states {stated:g}"
-        )
-    return stated or value
+def _agreed(name: str, own: Mapping[str, Any], units: Mapping[str, Any]) -> dict[str, Any]:
+    """Of each option what the file states, its `own`, or the caller; None for an absent number.
 
-
-def _agreed(
-    name: str, options: dict[str, tuple[str | None, str | None, Sequence[str]]]
-) -> list[str]:
-    """Of each option what the file states, or the caller, out of the known words.
-
-    ValueError where the two differ, for an unknown word, and with the names of all that is missing.
+    ValueError where the two differ, for an unknown word or a number that is not positive, and with
+    the names of all words that are missing; TypeError for an unknown option.
     """
-    for option, (stated, value, known) in options.items():
-        if stated and value and stated != value:
+    if unknown := sorted(set(units) - set(_OPTIONS)):
+        raise TypeError(f"no option {unknown[0]!r}; known are {', '.join(_OPTIONS)}")
+    found, missing = {}, []
+    for option, known in _OPTIONS.items():
+        stated, value = own.get(option), units.get(option)
+        if value is not None and known is None and not value > 0:
+            raise ValueError(f"{name}: `{option}` must be positive, got {value:g}")
+        if stated and value and (stated != value if known else abs(value / stated - 1) > 1e-3):
+            texts = (stated, value) if known else (f"{stated:g}", f"{value:g}")
             raise ValueError(
-                f"{name}: `{option}` {value} contradicts the file, which states {stated}"
+                f"{name}: `{option}` {texts[1]} contradicts the file, which states {texts[0]}"
             )
-        if (word := stated or value) and word not in known:
-            raise ValueError(f"{name}: unknown `{option}` {word!r}; known are {', '.join(known)}")
-    missing = [
-        f"`{option}` ({', '.join(known)})"
-        for option, (stated, value, known) in options.items()
-        if not (stated or value)
-    ]
+        found[option] = stated or value
+        if known and not found[option]:
+            missing.append(f"`{option}` ({', '.join(known)})")
+        elif known and found[option] not in known:
+            raise ValueError(
+                f"{name}: unknown `{option}` {found[option]!r}; known are {', '.join(known)}"
+            )
     if missing:
         raise ValueError(f"{name}: the file does not state all; give {' and '.join(missing)}")
-    return [str(stated or value) for stated, value, _ in options.values()]
+    return found
 
 
 def read_vectors(
@@ -156,7 +126,6 @@ def read_vectors(
     *,
     kind: str | None = None,
     rate: float | None = None,
-    keep_replaced: bool = False,
     zero_is_absent: bool = False,
     assumed: Mapping[str, Any] | None = None,
     **units: Any,
@@ -172,8 +141,6 @@ def read_vectors(
         text, pivlab, davis, pivpy or plane, where the suffix does not tell.
     rate
         Instants per second, where the files hold no times.
-    keep_replaced
-        Whether vectors that PIVlab interpolated are kept, with flag 4.
     zero_is_absent
         Whether vectors of exactly (0, 0) are masked.
     assumed
@@ -216,19 +183,15 @@ def read_vectors(
         if not path.is_file():
             raise FileNotFoundError(f"{path}: no such file")
     if kind == "plane":
-        if keep_replaced or zero_is_absent:
-            raise ValueError(
-                f"{files[0]}: `keep_replaced` and `zero_is_absent` are of other programs' files"
-            )
+        if zero_is_absent:
+            raise ValueError(f"{files[0]}: `zero_is_absent` is of other programs' files")
         plane = checked(read_plane(files[0]), files[0])
         return _in_units(plane, str(files[0]), rate, assumed or {}, **units)
-    if keep_replaced and kind in ("davis", "pivpy"):
-        raise ValueError(f"{files[0]}: `keep_replaced` is of PIVlab's files")
     files.sort(key=natural_key)
     planes, names, times = [], [], []
     known = {n: v for n, v in (assumed or {}).items() if n != "rate" and units.get(n) is None}
     for path in files:
-        for vectors in _instants(path, kind, keep_replaced):
+        for vectors in _READ[kind](path):
             if zero_is_absent:
                 vectors.flag[(vectors.u == 0) & (vectors.v == 0)] = 2
             lacks = {n: v for n, v in known.items() if getattr(vectors, n) is None}
@@ -257,6 +220,9 @@ def read_vectors(
     return in_px(series, unit) if pixels else series
 
 
+_READ = {"text": read_text, "pivlab": read_pivlab, "davis": read_davis, "pivpy": read_pivpy}
+
+
 def kind_of(path: Path) -> str:
     """Name of the reader for a file by its suffix; ValueError where it is unknown."""
     for kind, suffixes in _SUFFIXES.items():
@@ -265,15 +231,6 @@ def kind_of(path: Path) -> str:
     raise ValueError(
         f"{path}: unknown kind of vector file; name it with `kind` ({', '.join(READERS)})"
     )
-
-
-def _instants(path: Path, kind: str, keep_replaced: bool) -> Iterator[Vectors]:
-    if kind == "davis":
-        return iter([read_davis(path)])
-    if kind == "pivpy":
-        return read_pivpy(path)
-    read = read_text if kind == "text" else read_pivlab
-    return read(path, keep_replaced=keep_replaced)
 
 
 def _times(
@@ -304,7 +261,7 @@ def _in_units(
     stated = {"length_unit": length, "velocity_unit": velocity, "y_axis": "up"}
     if velocity == "px":
         stated["velocity_unit"] = "px/frame"
-    _agreed(name, {key: (value, units.get(key), [value]) for key, value in stated.items()})
+    _agreed(name, stated, units)
     scale, interval = units.get("scale_mm_per_px"), units.get("interval")
     if units.get("image_rows") is not None:
         raise ValueError(f"{name}: {_ROWS}")

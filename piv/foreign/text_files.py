@@ -22,11 +22,8 @@ _COLUMNS = {"x": ("x",), "y": ("y",), "u": ("u", "vx"), "v": ("v", "vy")}
 _MEASURED = ("chc", "isvalid", "valid")  # columns that are above 0 where a vector is measured
 
 
-def read_text(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
-    """Every instant of a text file; ValueError where it holds no table of x, y, u and v.
-
-    keep_replaced: whether vectors that PIVlab interpolated are kept, with flag 4.
-    """
+def read_text(path: Path) -> Iterator[Vectors]:
+    """Every instant of a text file; ValueError where it holds no table of x, y, u and v."""
     text = path.read_text(encoding="utf-8", errors="replace")
     if names := _VARIABLES.search(text):
         yield from _tecplot(path, text, names)
@@ -42,7 +39,7 @@ def read_text(path: Path, *, keep_replaced: bool = False) -> Iterator[Vectors]:
     titles = _titles(lines[start - 1]) if start else []
     if len(titles) != rows.shape[1] or not {"x", "y"} <= set(map(_short, titles)):
         titles = ["x", "y", "u", "v", *["?"] * (rows.shape[1] - 4)]
-    yield _named(path, rows, titles, keep_replaced)
+    yield _named(path, rows, titles)
 
 
 def _numbers(path: Path, lines: list[str]) -> ndarray:
@@ -82,7 +79,7 @@ def _unit(title: str) -> str | None:
     return spelled(match.group(1)) if match else None
 
 
-def _named(path: Path, rows: ndarray, titles: list[str], keep_replaced: bool = False) -> Vectors:
+def _named(path: Path, rows: ndarray, titles: list[str]) -> Vectors:
     """Vectors of columns with titles; without them OpenPIV's: x, y, u, v, flag, mask.
 
     A fifth column without a title that holds more than 0 and 1 is the signal-to-noise ratio.
@@ -101,7 +98,7 @@ def _named(path: Path, rows: ndarray, titles: list[str], keep_replaced: bool = F
         if name in _MEASURED:
             flag[values <= 0] = 1
         elif name == "type":  # of PIVlab: 0 masked, 1 measured, 2 interpolated
-            flag = np.select([values == 1, values == 0], [0, 2], 4 if keep_replaced else 1)
+            flag = np.select([values == 1, values == 0], [0, 2], 1)
         elif name == "flags":
             flag[values != 0] = 1
         elif name == "mask":

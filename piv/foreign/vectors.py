@@ -28,7 +28,7 @@ class Vectors:
     y: ndarray  # (ny,)
     u: ndarray  # (ny, nx)
     v: ndarray
-    flag: ndarray  # (ny, nx) uint8: 0 valid, 1 outlier, 2 masked, 4 replaced
+    flag: ndarray  # (ny, nx) uint8: 0 valid, 1 outlier, 2 masked
     length_unit: str | None = None  # "m", "mm", "px", ...
     velocity_unit: str | None = None  # "m/s", "mm/s", "px/frame", ...
     y_axis: str | None = None  # "up" or "down", of positions and of v alike

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from scipy.io import savemat
 
@@ -61,19 +60,14 @@ def _instants(plane: xr.Dataset) -> Iterator[tuple[float, xr.Dataset]]:
         yield float(time), fields.isel(time=k)
 
 
-def _table(fields: xr.Dataset) -> pd.DataFrame:
-    xx, yy = np.meshgrid(fields["x"].values, fields["y"].values)
-    values = {str(n): f.values.ravel() for n, f in fields.data_vars.items()}
-    return pd.DataFrame({"x": xx.ravel(), "y": yy.ravel()} | values)
-
-
 def _write_csv(plane: xr.Dataset, path: Path) -> None:
     """Time, x, y and every field; empty where absent. A first line # has the units."""
     units = {n: plane[n].attrs.get("units", "1") for n in ("x", "y", *fields_of(plane))}
     with whole(path) as part, part.open("w", encoding="utf-8") as file:
         file.write(f"# y up; {'; '.join(f'{n} in {unit}' for n, unit in units.items())}\n")
         for k, (time, fields) in enumerate(_instants(plane)):
-            table = _table(fields)
+            table = fields.drop_vars("time", errors="ignore").to_dataframe(["y", "x"]).reset_index()
+            table = table[["x", "y", *fields.data_vars]]
             table.insert(0, "time", time)
             table.to_csv(file, index=False, header=k == 0)
 

@@ -18,6 +18,7 @@ STUDIES = (
     "vortex_errors",
     "exact_truth",
     "costs",
+    "long_recording",
 )
 
 if __name__ == "__main__":

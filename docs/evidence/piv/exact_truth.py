@@ -1,6 +1,7 @@
 """Scores of `make benchmark`'s recordings: this project beside its peers.
 
-The peers get the pictures, whose bodies are black; vectors in bodies are taken off for all.
+Bodies are black in the pictures. OpenPIV and PIVtools get the bodies of both pictures of a pair as
+one mask, since neither takes two; fluidimage has no masks. Vectors in bodies are taken off for all.
 """
 
 import subprocess
@@ -53,13 +54,19 @@ def table_of(folder: Path) -> pd.DataFrame:
     """A row of each program, a column of each measure."""
     with read_plane(folder / "truth.nc") as truth:
         truth.load()
-    frames = [
-        np.asarray(cv2.imread(str(p), cv2.IMREAD_UNCHANGED))
-        for p in sorted((folder / "frames").iterdir())
-    ]
+    frames, masks = (
+        [np.asarray(cv2.imread(str(p), cv2.IMREAD_UNCHANGED)) for p in sorted(folder.glob(files))]
+        for files in ("frames/*", "masks/*")
+    )
     film = folder.name in SCENES
     first = range(0, len(frames) - 1, 1 if film else 2)
-    pairs = [Pair(f"{k:03d}", (frames[k], frames[k + 1]), {}, {}) for k in first]
+    pairs = [
+        Pair(
+            f"{k:03d}", (frames[k], frames[k + 1]), {}, {},
+            (masks[k] > 0) | (masks[k + 1] > 0) if masks else None,
+        )
+        for k in first
+    ]  # fmt: skip
     series: dict[str, list[xr.Dataset]] = {}
     for _, found in with_peers(f"exact_{folder.name}", pairs):
         for name, vectors in found.items():

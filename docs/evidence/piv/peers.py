@@ -31,8 +31,8 @@ PIVTOOLS = {
 FLUIDIMAGE = {"fluidimage 64-32-16": (64, 3), "fluidimage 48-24": (48, 2)}  # window, passes
 
 
-def openpiv(a, b, windows, overlaps, lax):
-    """x, y (up), u, v of windef's multi-pass, axes ascending."""
+def openpiv(a, b, mask, windows, overlaps, lax):
+    """x, y (up), u, v of windef's multi-pass, axes ascending; mask (bool) or None."""
     from openpiv import windef
     from openpiv.settings import PIVSettings
 
@@ -41,13 +41,17 @@ def openpiv(a, b, windows, overlaps, lax):
     if lax:
         s.median_threshold, s.std_threshold = 20, 30
         s.sig2noise_validate, s.sig2noise_method = False, None
+    s.static_mask = mask
     x, y, u, v, _ = windef.simple_multipass(a.astype(np.int32), b.astype(np.int32), s)
     order = np.argsort(y[:, 0])
     return x[0], y[order, 0], np.asarray(u)[order], np.asarray(v)[order]
 
 
-def fluidimage(a, b, window, passes):
-    """Its multi-pass with windows that move by whole pixels; places lie up to 0.5 px off a grid."""
+def fluidimage(a, b, _, window, passes):
+    """Its multi-pass with windows that move by whole pixels; places lie up to 0.5 px off a grid.
+
+    It has no masks of pixels.
+    """
     from fluidimage.data_objects.piv import ArrayCouple
     from fluidimage.works.piv.multipass import WorkPIV
 
@@ -84,12 +88,17 @@ class PIVtools:
         self.config._detected_image_shape = tuple(shape)
         self.correlator = InstantaneousCorrelatorCPU(self.config)
 
-    def __call__(self, a, b):
+    def __call__(self, a, b, mask):
+        from pivtools_core.image_handling.load_images import compute_vector_mask
+
         images = np.stack([a, b])[None].astype(np.float32)
-        result = self.correlator.correlate_batch(images, self.config)
+        masks = None if mask is None else compute_vector_mask(mask, self.config, ensemble=False)
+        result = self.correlator.correlate_batch(images, self.config, masks)
         last = (result[0] if isinstance(result, list) else result).passes[-1]
         y = a.shape[0] - 1 - np.array(last.win_ctrs_y)[::-1]
         u, v = np.array(last.ux_mat, float), -np.array(last.uy_mat, float)
+        if mask is not None:  # windows that are mostly masked have 0
+            u[last.b_mask], v[last.b_mask] = np.nan, np.nan
         return np.array(last.win_ctrs_x), y, u[::-1], v[::-1]
 
 
@@ -102,19 +111,21 @@ def main(folder: Path) -> None:
         return
     shape = np.load(files[0])["a"].shape
     methods: dict[str, Callable] = {
-        n: (lambda a, b, s=s: openpiv(a, b, *s)) for n, s in OPENPIV.items()
+        n: (lambda a, b, mask, s=s: openpiv(a, b, mask, *s)) for n, s in OPENPIV.items()
     }
-    methods |= {n: (lambda a, b, s=s: fluidimage(a, b, *s)) for n, s in FLUIDIMAGE.items()}
+    methods |= {
+        n: (lambda a, b, mask, s=s: fluidimage(a, b, mask, *s)) for n, s in FLUIDIMAGE.items()
+    }
     methods |= {n: PIVtools(*s, shape) for n, s in PIVTOOLS.items()}
-    warm = np.load(files[0])
+    warm = images_of(files[0])
     for method in methods.values():
-        method(warm["a"], warm["b"])
+        method(*warm)
     for file in files:
-        pair = np.load(file)
+        pair = images_of(file)
         out: dict[str, Any] = {"digest": digests[file]}
         for k, (name, method) in enumerate(methods.items()):
             start = time.process_time()
-            x, y, u, v = method(pair["a"], pair["b"])
+            x, y, u, v = method(*pair)
             found = {"t": time.process_time() - start, "x": x, "y": y, "u": u, "v": v, "name": name}
             out |= {f"{k}_{key}": value for key, value in found.items()}
         part = file.with_suffix(".part")
@@ -124,12 +135,18 @@ def main(folder: Path) -> None:
         print(file.name, flush=True)
 
 
+def images_of(file: Path) -> tuple[Any, Any, Any]:
+    """Both images of a pair, and its mask (bool, true = body) or None."""
+    pair = np.load(file)
+    return pair["a"], pair["b"], pair["mask"] if "mask" in pair.files else None
+
+
 def digest(file: Path) -> str:
     """Of the images of a pair, of what the peers are asked for, and of the installed libraries."""
-    pair = np.load(file)
+    images = b"".join(image.tobytes() for image in images_of(file) if image is not None)
     installed = sorted(f"{d.name} {d.version}" for d in distributions())
     asked = repr((OPENPIV, PIVTOOLS, FLUIDIMAGE, installed)).encode()
-    return hashlib.sha256(pair["a"].tobytes() + pair["b"].tobytes() + asked).hexdigest()
+    return hashlib.sha256(images + asked).hexdigest()
 
 
 def result_of(file: Path) -> Path:

@@ -43,6 +43,7 @@ class Pair:
     rows: dict[str, tuple[Callable, Callable]]
     # options of our own runs
     runs: dict[str, dict[str, Any]] = field(default_factory=lambda: {OURS: {}})
+    mask: np.ndarray | None = None  # bool, true = body, for the peers that take masks
 
 
 def peer_python() -> Path:
@@ -69,7 +70,9 @@ def with_peers(name: str, pairs: Iterable[Pair]) -> Iterator[tuple[Pair, dict[st
     folder.mkdir(parents=True, exist_ok=True)
     for pair in pairs:
         a, b = pair.images
-        np.savez(folder / f"{pair.name}.pair.npz", a=a, b=b)
+        arrays: dict[str, Any] = {"a": a, "b": b}
+        arrays |= {} if pair.mask is None else {"mask": pair.mask}
+        np.savez(folder / f"{pair.name}.pair.npz", **arrays)
         if not jobs:
             correlate_pair(a, b)  # compiles
         jobs.append((pair, {run: timed(a, b, **options) for run, options in pair.runs.items()}))

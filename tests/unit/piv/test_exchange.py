@@ -107,8 +107,6 @@ def test_pivpy_layout(tmp_path):
         assert opened["u"].dims == ("y", "x", "t")
         assert {"u", "v", "chc"} <= set(opened.data_vars)
         assert opened.attrs["delta_t"] == pytest.approx(0.002)
-    with pytest.raises(ValueError, match="`keep_replaced` is of PIVlab's files"):
-        read_vectors([tmp_path / "a.nc"], keep_replaced=True)
 
 
 def test_vtk_opens_in_pyvista_with_its_time(tmp_path):
@@ -207,10 +205,6 @@ def test_pivlab(tmp_path, version):
     assert plane["valid"].values.tolist() == [[0, 1, 1], [1, 1, 0]]
     assert plane["u"].values[1, 0] == pytest.approx(0.8e-3 / 0.5)
     assert plane["v"].values[1, 0] == pytest.approx(-1.6e-3 / 0.5)
-    if version == "mat5":
-        kept = read_vectors(path, keep_replaced=True, **TOLD)
-        assert kept["flag"].values[1, 2] == 4
-        assert kept["valid"].values[1, 2] == 1
 
 
 @pytest.mark.parametrize("compress", [False, True])
