@@ -306,10 +306,14 @@ def counts(table: pd.DataFrame) -> str:
         seen = ratio.abs().dropna()
         if len(seen):
             lines.append(f"{name}: {(seen < 1.96).sum()} of {seen.size}, worst {seen.max():.1f}")
-    # what postprocess.lab assumes: flow.LINEAR and motion.SPEED_STD
-    rest, sound = (off / table["moved"])[table["moved"].abs() > 0.02], table["true_E"].abs() < 0.02
-    lines.append(f"correction: rms of its error {np.sqrt((rest**2).mean()):.3f} of {rest.size}")
-    lines.append(f"speed at equal phase: std {np.log(table['water_speed'])[sound].std():.3f}")
+    inside = pd.concat([ratio.abs().dropna() for ratio in list(ratios.values())[:-1]]) < 1.96
+    lines.append(f"all: {inside.sum()} of {inside.size}")
+    # what postprocess.lab assumes: flow.LINEAR (beyond the data's own error) and motion.SPEED_STD
+    far = table["moved"].abs() > 0.02
+    rest = ((off**2 - table["u_D"] ** 2) / table["moved"] ** 2)[far].mean()
+    lines.append(f"correction: {np.sqrt(max(rest, 0.0)):.3f} of it, by {far.sum()}")
+    speeds = np.log(table["water_speed"])[table["true_E"].abs() < 0.02].dropna()
+    lines.append(f"speed at equal phase: {np.sqrt((speeds**2).mean()):.3f}, by {speeds.size}")
     return "\n".join(lines)
 
 

@@ -70,11 +70,8 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     moved = any("the camera moved" in cause for cause in motion)  # so that no one pose fits
     # no outline fits a finger that bends beyond the shapes: the pictures before it tell
     seen = ~_beyond(fit.singles[0], kinematics)
-    parts = (
-        {}
-        if moved
-        else _wrong_parts(replace(profile, count=profile.count[seen], area=profile.area[seen]))
-    )
+    before = replace(profile, count=profile.count[seen], area=profile.area[seen])
+    parts = {} if moved else _wrong_parts(before)
     # scale, root and clock of an outline that is not the finger's are its fault
     causes = [] if moved else outline_causes(fit, parts, known)
     if not causes:

@@ -150,10 +150,10 @@ def flow_quantities(case: Comparison, sides: Sides) -> list[ValidatedQuantity]:
     at, out, tip = known_instants(case), [], case.kinematics.tip_width
     data = case.measured["data"].loc[at]
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
-    for name, one in QUANTITIES.items():
+    for name in QUANTITIES:
         rows = compared_instants(case, at, name, data["circulation"].abs().mean())
         scale = tip if name == "centre" else abs(float(data.loc[rows, "circulation"].mean()))
-        out.append(_quantity(case, at, rows, name, one, scale, sides.window_m / float(speed)))
+        out.append(_quantity(case, at, rows, name, scale, sides.window_m / float(speed)))
     return out
 
 
@@ -174,19 +174,14 @@ def compared_instants(
 
 
 def _quantity(
-    case: Comparison,
-    at: np.ndarray,
-    rows: np.ndarray,
-    name: str,
-    one: Measured,
-    scale: float,
-    window_s: float,
+    case: Comparison, at: np.ndarray, rows: np.ndarray, name: str, scale: float, window_s: float
 ) -> ValidatedQuantity:
     """One quantity over the instants `rows` of those `at` which all sides know.
 
     `scale`: its size; `window_s`: in which particles cross a window.
     """
-    registration, columns, measured = case.registration, one.columns, case.measured
+    registration, measured, one = case.registration, case.measured, QUANTITIES[name]
+    columns = one.columns
     times = measured["data"].loc[rows, "time"].to_numpy()
     ours, direct, theirs = (
         measured[side].loc[rows, columns].to_numpy(float) for side in ("virtual", "direct", "data")

@@ -77,10 +77,8 @@ def recording_quality(
     """
     out = {"pictures": float(registration.times.size), "density_ppp": registration.density}
     if plane is not None:
-        ok, water = (
-            usable(plane).values,
-            plane["flag"].values != MASKED if "flag" in plane else True,
-        )
+        ok = usable(plane).values
+        water = plane["flag"].values != MASKED if "flag" in plane else True
         speed = np.hypot(plane["u"].values, plane["v"].values)[ok]
         px = registration.pose.pixel * (dpiv.scale.pixel if dpiv.kind == "vectors" else 1.0)
         out["fields"] = float(plane.sizes["time"])
