@@ -276,8 +276,8 @@ def checked(
     width = read_kinematics(nominal.path("kinematics")).tip_width
     if of.viscosity != 1.0:
         base = flow_of(nominal, replace(of, viscosity=1.0))[1]
-    sums = (circulation(f, true, like, width).loc[slice(*window)] for f in (base, flow))
-    ours, theirs = (one.mean() for one in sums)
+    both = {id(f): circulation(f, true, like, width).loc[slice(*window)] for f in (base, flow)}
+    ours, theirs = (both[id(f)].mean() for f in (base, flow))
     wrong = of.stated.get("interval", 1.0)  # the recording's vectors are slower by this
     row["true_E"] = (ours - theirs / wrong) / size
     row |= {"E": q["error"][0] / size, "u": q["u_val"][0] / size, "u_D": q["u_D"][0] / size}
