@@ -6,6 +6,7 @@ A laboratory's pictures are moved by the simulation's flow, and both are evaluat
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from postprocess.lab.register import Registration
 # where a vortex is found in one flow, since meshes and windows then change less of it.
 WIDE = 2 / 9
 GROW_PX = 2  # of the mask beyond the outline: particle images reach over the body's edge
+KEPT = 64  # moved pictures
 DENSITY, DIAMETER = 0.05, 2.5  # particles in a pixel, and their diameter at 1/e² (px)
 
 
@@ -256,11 +258,14 @@ class MovedRecording(MaskedRecording):
     def __init__(self, source: Recording, first: np.ndarray, *more: Any, sheet: xr.Dataset) -> None:
         super().__init__(source, np.repeat(first, 2), *more)
         self._sheet, self._field = sheet, PlaneField(sheet)
+        self._kept = lru_cache(KEPT)(self._moved)  # PIV looks at each several times
 
     def _read(self, i: int) -> np.ndarray:
+        return self._kept(i) if i % 2 else super()._read(i)
+
+    def _moved(self, i: int) -> np.ndarray:
+        """The second picture of a pair."""
         image = super()._read(i)
-        if i % 2 == 0:
-            return image
         (before, after), px = self._clock[i - 1 : i + 1], self._pose.pixel
         step = float(self._sheet["x"][1] - self._sheet["x"][0])
         x, y = (np.arange(0.0, n * px + step, step) for n in image.shape[::-1])
