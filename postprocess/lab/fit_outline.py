@@ -18,12 +18,7 @@ from scipy.special import logsumexp
 
 from pipeline.formats.kinematics import Kinematics, counter_clockwise
 from postprocess.lab.pose import Pose
-from postprocess.lab.silhouette import (
-    FINE_PX,
-    WaterLikelihood,
-    integral_image,
-    left_of,
-)
+from postprocess.lab.silhouette import WaterLikelihood, integral_image, left_of
 
 # state of a chain: x px, y px, angle, ln magnification (px per m), growth of the outline px, and
 # factor, delay s, stretch
@@ -55,14 +50,15 @@ def prepare(
     images: list[np.ndarray],
     times: np.ndarray,
     evidence: WaterLikelihood,
-    blind: np.ndarray | None = None,
-    blur_px: float = FINE_PX,
-    independent: float = 1.0,
+    blind: np.ndarray,
+    blur_px: float,
+    independent: float,
 ) -> Frames:
     """Evidence of frames taken at `times` (s); `blind` (frame, rows, columns): pixels left out."""
-    seen = [evidence.image(image, blur_px) for image in images]
-    if blind is not None:
-        seen = [np.where(b, np.float32(0), f) for b, f in zip(blind, seen, strict=True)]
+    seen = [
+        np.where(dark, np.float32(0), evidence.image(image, blur_px))
+        for dark, image in zip(blind, images, strict=True)
+    ]
     mean = float(np.mean([f.mean() for f in seen]))
     integrals = np.stack([integral_image(f, mean).astype(np.float32) for f in seen])
     return Frames(integrals, mean, np.asarray(times, float), independent)

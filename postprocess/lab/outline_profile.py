@@ -68,7 +68,7 @@ def outline_profile(
     evidence: WaterLikelihood,
     shapes: Shapes,
     outlines: np.ndarray,
-    blind: np.ndarray | None = None,
+    blind: np.ndarray,
 ) -> OutlineProfile:
     """The profile of frames (row 0 at the top) with their `outlines` (frame, point, 2) px, y up.
 
@@ -89,9 +89,8 @@ def outline_profile(
         tree, body = cKDTree(along), shapely.Polygon(outline)
         shapely.prepare(body)
         for points, each, total in ((spots, 1.0, count), (grid, float(GRID_PX**2), area)):
-            if blind is not None:
-                i, j = np.rint(points).astype(int).T
-                points = points[~blind[f, image.shape[0] - 1 - j, i]]
+            i, j = np.rint(points).astype(int).T
+            points = points[~blind[f, image.shape[0] - 1 - j, i]]
             away, nearest = tree.query(points, distance_upper_bound=BANDS[-1])
             near = np.isfinite(away)
             within = shapely.contains_xy(body, *points[near].T)
@@ -118,16 +117,6 @@ def independent_share(profile: OutlineProfile) -> float:
     near = float(np.sum(z[1:] * z[:-1]) / max(np.sum(z**2), 1e-9)) if len(z) > 2 else 0.0
     near = float(np.clip(near, 0.0, 0.95))
     return (1 - near) / (1 + near)
-
-
-def _hidden_part(
-    pose: Pose, kinematics: Kinematics, hidden: float, shape: tuple[int, int]
-) -> np.ndarray:
-    """Pixels (rows, columns) up to `hidden` (m) from the root along the finger at rest."""
-    rows, columns = shape
-    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
-    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
-    return (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along < hidden
 
 
 def shaded_parts(outlines: np.ndarray, light_from: float, shape: tuple[int, int]) -> np.ndarray:
@@ -162,16 +151,18 @@ def blind_parts(
     shape: tuple[int, int],
     hidden: float,
     light_from: float | None,
-) -> np.ndarray | None:
-    """Pixels (frame, rows, columns) to leave out of frames with `outlines` (px); None: none.
+) -> np.ndarray:
+    """Pixels (frame, rows, columns) to leave out of frames with `outlines` (px).
 
-    `hidden` (m): of the finger from its root on; `light_from` (rad): None: from all sides.
+    What lies up to `hidden` (m) from the root along the finger at rest, and the shade of a light
+    from `light_from` (rad); None: from all sides.
     """
-    dark = _hidden_part(pose, kinematics, hidden, shape) if hidden else None
-    if light_from is None:
-        return None if dark is None else np.broadcast_to(dark, (len(outlines), *shape))
-    shaded = shaded_parts(outlines, light_from, shape)
-    return shaded if dark is None else shaded | dark
+    rows, columns = shape
+    x, y = np.meshgrid(np.arange(columns), rows - 1 - np.arange(rows))
+    along = kinematics.shape("tip_direction", float(kinematics.law(kinematics.time[0])))
+    away = (pose.to_tank(np.stack([x, y], axis=-1)) - np.asarray(kinematics.root)) @ along
+    held = np.broadcast_to((away < hidden) & (hidden > 0), (len(outlines), rows, columns))
+    return held if light_from is None else held | shaded_parts(outlines, light_from, shape)
 
 
 def dense(outline: np.ndarray, per_px: int) -> tuple[np.ndarray, np.ndarray]:

@@ -43,13 +43,13 @@ def poses(kinematics):
     return stated, Pose(SCALE * 1.003, np.radians(1.0), kinematics.root, (151.2, 269.1))
 
 
-def registered(kinematics, faults=None, lag=0.0, **known):
-    """Registration of pictures, and its check."""
-    stated, true = poses(kinematics)
+def registered(kinematics, faults=None, lag=0.0, times=TIMES, stated=None, **known):
+    """Registration of pictures whose `times` and pose are stated, and its check."""
+    first, true = poses(kinematics)
     pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)) - lag
     recording = Rendered(kinematics, true, pressures, SHAPE, faults)
-    known = Known(stated, **{"scale_std": 0.01} | known)
-    fit = fit_pictures(recording, TIMES, kinematics, known)
+    known = Known(stated or first, **{"scale_std": 0.01} | known)
+    fit = fit_pictures(recording, times, kinematics, known)
     return register(fit, kinematics, known), check_fit(fit, kinematics, known)
 
 
@@ -124,9 +124,7 @@ def test_behind_the_lit_side_nothing_counts():
 
 
 def test_a_rate_that_is_wrong_by_a_factor_is_named(kinematics):
-    recording = Rendered(kinematics, poses(kinematics)[1], kinematics.law(TIMES), SHAPE)
-    known = Known(poses(kinematics)[0], scale_std=0.01)
-    check = check_fit(fit_pictures(recording, 10 * TIMES, kinematics, known), kinematics, known)
+    _, check = registered(kinematics, times=10 * TIMES)
     assert re.search("the clock is wrong: .* correct frame_rate_hz to 10 times", check.refusals[0])
 
 
@@ -139,11 +137,8 @@ def test_a_rate_that_is_wrong_by_a_factor_is_named(kinematics):
     ],
 )
 def test_what_is_stated_wrongly_is_the_only_cause(kinematics, change, cause):
-    recording = Rendered(kinematics, poses(kinematics)[1], kinematics.law(TIMES), SHAPE)
-    known = Known(replace(poses(kinematics)[0], **change), scale_std=0.003)
-    [found] = check_fit(
-        fit_pictures(recording, TIMES, kinematics, known), kinematics, known
-    ).refusals
+    stated = replace(poses(kinematics)[0], **change)
+    [found] = registered(kinematics, stated=stated, scale_std=0.003)[1].refusals
     assert found.startswith(cause)
 
 
@@ -159,14 +154,10 @@ def test_dim_and_thin_pictures_are_refused_in_a_sentence_of_this_command(kinemat
     assert "--" not in str(caught.value)
 
 
-class Mirrored(Rendered):
-    def _read(self, i):
-        return np.ascontiguousarray(super()._read(i)[:, ::-1])
-
-
 def test_mirrored_pictures_are_named(kinematics):
     stated, true = poses(kinematics)
-    recording = Mirrored(kinematics, true, kinematics.law(TIMES), SHAPE)
+    seen = kinematics, true, kinematics.law(TIMES), SHAPE
+    recording = Rendered(*seen, Faults(mirrored=True))
     stated = replace(stated, at_px=(SHAPE[1] - 1 - stated.at_px[0], stated.at_px[1]))
     with pytest.raises(ValueError, match=r"the pictures are mirrored; correct axes\.x"):
         fit_pictures(recording, TIMES, kinematics, Known(stated, scale_std=0.01))
@@ -184,7 +175,8 @@ def at(kinematics, pose, edge_px=0.0, images=()):
     if images:
         shapes = shapes_of(kinematics)
         outlines = seen_outlines(shapes, pose, pressures, edge_px)
-        profile = outline_profile(images, learn(images[::4]), shapes, outlines)
+        blind = np.zeros((len(images), *SHAPE), bool)
+        profile = outline_profile(images, learn(images[::4]), shapes, outlines, blind)
     return Fit(images, TIMES, TIMES[1], state, covariance, pressures.copy(), singles, std, profile)
 
 
