@@ -48,7 +48,7 @@ MOST = 42  # instants of a run that varies an input: its effect changes slowly
 # what PIV changes of a flow is known from the simulation's; of one that differs by up to a third,
 # it may differ by as much
 UNLIKE = 1 / 3
-LINEAR = 0.15  # of what the recording's motion changes: the flow is taken to be linear in it
+LINEAR = 0.15  # of what the recording's bend and duration change: how well that is known
 
 
 def measure(
@@ -105,18 +105,39 @@ def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Compar
     return replace(case, flow=sides, measured=measured, effects=effects)
 
 
+def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
+    """What the recording's own bend and duration change of `COLUMNS` at each instant.
+
+    The bend by the run of the pressure. A stroke of another duration has the same flow at equal
+    phase, at a speed that goes with 1/duration; no run tells that as well. None: unknown.
+    """
+    named = {e.of.name: e for e in case.of_motion}
+    if not named:
+        return []
+    bend, direct = named["pressure"], case.measured["direct"]
+    assert bend.table is not None
+    assert bend.share is not None
+    known = direct[direct["circulation"].notna()]
+    stretch, times = case.registration.law.values[2], direct["time"].to_numpy()
+    there = {
+        name: np.interp(times / stretch, known["time"], known[name], np.nan) for name in COLUMNS
+    }
+    there["circulation"] /= stretch
+    return [bend.share * bend.table[[*COLUMNS]], pd.DataFrame(there) - direct[[*COLUMNS]]]
+
+
 def corrected(case: Comparison) -> pd.DataFrame:
     """The simulation seen by PIV, at the recording's own motion where it is known."""
     out = case.measured["virtual"].copy()
-    for e in case.of_motion:
-        assert e.table is not None
-        out[[*COLUMNS]] += e.share * e.table[[*COLUMNS]].to_numpy()
+    for change in of_recorded_motion(case):
+        out[[*COLUMNS]] += change.to_numpy()
     return out
 
 
 def known_instants(case: Comparison) -> np.ndarray:
     """Instants (n,) at which every side and run knows the vortex; StageError of too few."""
     every = [*case.measured.values(), *(e.table for e in case.effects if e.table is not None)]
+    every += of_recorded_motion(case)
     seen = np.flatnonzero(np.all([np.isfinite(t["circulation"].to_numpy()) for t in every], axis=0))
     if seen.size < FEWEST:
         raise StageError(
@@ -210,11 +231,11 @@ def _quantity(
         Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
         Source("PIV", "data", UNLIKE * np.abs((ours - direct).mean(axis=0)), of_piv),
     ]
-    moved = None
-    if case.of_motion:
-        moved = np.sum([e.share * e.moves(columns, rows) for e in case.of_motion], axis=0)
-        linear = LINEAR * np.abs(moved)
-        sources.append(Source("correction", "input", linear, "of what the motion changes"))
+    changes, moved = of_recorded_motion(case), None
+    if changes:
+        parts = [change.loc[rows, columns].mean().to_numpy(float) for change in changes]
+        moved, std = np.sum(parts, axis=0), LINEAR * np.linalg.norm(parts, axis=0)
+        sources.append(Source("correction", "input", std, "of what bend and duration change"))
     if (level := level_std(case, name, times, scale)) > 0:
         std = np.full(len(columns), level / np.sqrt(len(columns)))
         sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))

@@ -37,7 +37,7 @@ FEWEST = 4  # instants
 DELAYS = 400  # of vectors without a clock, that are tried
 # of ln of the water's speed over the simulation's at equal phase: standard deviation between sound
 # recordings (docs/record/laboratory.md); a rate is wrong at odds of 20 to 1, within 3 of them
-SPEED_STD, ODDS, FAR_OFF = 0.03, 3.0, 3.0
+SPEED_STD, ODDS, FAR_OFF = 0.02, 3.0, 3.0
 CONSTANT = 0.07  # of the same over the stroke: largest standard deviation of a constant one
 
 

@@ -118,12 +118,14 @@ def test_it_takes_the_place_of_the_inputs_bands(case):
     assert names == ["pressure", "geometry and material", "duration"]
     std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
     assert set(std) == {"pressure as recorded", "duration as recorded"}
-    # the recording's flow is stronger by 2.5 runs of pressure and 11 % of speed
-    added = 2.5 * 3e-5 + (1 / 0.9 - 1) / (1 - 1 / 1.1) * 10e-5
-    table = pd.DataFrame({"circulation": [1e-2] * 3, "x": 0.0, "y": 0.0})
-    seen = {"measured": {"virtual": table}}
-    found = corrected(replace(moved, **seen))["circulation"] - 1e-2
-    assert found.to_numpy() == pytest.approx(added, rel=0.02)
+    # the recording's flow is stronger by 2.5 runs of pressure; at equal phase, by 1/0.9 of speed
+    times = np.array([0.1, 0.2, 0.3])
+    table = pd.DataFrame({"time": times, "circulation": 0.1 * times, "x": times, "y": 0.0})
+    seen = {"measured": {"virtual": table, "direct": table}}
+    found = corrected(replace(moved, **seen))[:2]  # the third lies beyond the simulation's end
+    added = 2.5 * 3e-5 + 0.1 * (times / 0.9**2 - times)
+    assert found["circulation"].to_numpy() == pytest.approx((0.1 * times + added)[:2], rel=0.01)
+    assert found["x"].to_numpy() == pytest.approx((times / 0.9)[:2])
     assert corrected(replace(case, **seen)).equals(table)
     assert std["duration as recorded"] == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1) * 10e-5)
 
