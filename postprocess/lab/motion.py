@@ -73,7 +73,8 @@ class Effect:
 class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
-    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `measured`:
+    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count.
+    `way_back_std` (rad): as of that function, of a coupled motion. `measured`:
     `flow.measure` of each side. `water_speed`: of the recording over the simulation's in
     the first half of the stroke; `all_water`: where it is the same at every instant and not 1.
     `levels`: as of `inputs.level_windows`, and the `level` that is compared.
@@ -87,6 +88,7 @@ class Comparison:
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
     measured: dict[str, pd.DataFrame] = field(default_factory=dict)
+    way_back_std: float = 0.0
     water_speed: float | None = None
     all_water: float | None = None
 
@@ -142,6 +144,19 @@ def over_bend(motion: Kinematics) -> Kinematics:
     }
     law = CubicSpline(times, (motion.bend(motion.law(times)) - bend[0]) * sign)
     return replace(motion, data=data, law=law, splines=splines)
+
+
+def way_back_std(motion: Kinematics, over: Kinematics) -> float:
+    """Standard uncertainty (rad) of a bend by shapes of the way out (`over_bend`) for the way back.
+
+    The bend that brings their tip nearest to the motion's own, RMS over its time.
+    """
+    times = np.linspace(*motion.time, INSTANTS)
+    at, step = over.law(times), APART * over.high
+    apart = motion.shape("tip", motion.law(times)) - over.shape("tip", at)
+    slope = (over.shape("tip", at + step) - over.shape("tip", at - step)) / (2 * step)
+    off = np.sum(apart * slope, axis=-1) / np.sum(slope**2, axis=-1)
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
@@ -204,9 +219,13 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
             change = e.bend if name == "final_bend" else e.duration
             part = np.array([abs(change) * e.of.per_change])
             sources.append(Source(e.of.name, "input", part, e.of.how))
-        if case.bend_std and name == "final_bend":
-            band = np.array([case.bend_std])
-            sources.append(Source("geometry and material", "input", band, "FEA's band"))
+        bands = (
+            ("geometry and material", "input", case.bend_std, "FEA's band"),
+            ("way back", "data", case.way_back_std, "shapes of the way out at the same bend"),
+        )
+        for source, kind, band, how in bands if name == "final_bend" else ():
+            if band:
+                sources.append(Source(source, kind, np.array([band]), how))
         both = np.array([simulated]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out

@@ -52,6 +52,10 @@ SIDES = {  # colour, line and name
     "direct": (CFD, ":", "simulation, direct"),
 }
 K95, PER_CENT = 1.96, f"{NBSP}%"
+TELLS = (
+    "; whether water makes the difference, COUPLED=1 with the measured pressure"
+    " (motion.pressure_csv) tells"
+)
 WORST = 20  # % of the fastest water: end of the scale of the differences
 
 
@@ -212,7 +216,7 @@ def answer(result: dict[str, Any]) -> str:
         parts.append("Vectors do not show the finger: whether it moved as simulated is not tested.")
     parts += [_evidence(motion, flow), _level(result, flow)]
     if moves in (ERROR, DIFFERS):
-        parts.append(_cause_of_motion(moves, result["registration"]))
+        parts.append(_cause_of_motion(moves, result["registration"], result["coupled"]))
     if wrong:
         parts.append(_cause_of_flow(moves, wrong, result["all_water"]))
     lacks = [f"the run {name}" for name in result["missing_runs"]]
@@ -280,7 +284,7 @@ def _level(result: dict[str, Any], flow: list[Quantity]) -> str:
     return f"{text}; no level whose error was measured decides it at these instants."
 
 
-def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
+def _cause_of_motion(moves: str, registration: dict[str, Any], coupled: bool) -> str:
     """How the recording's finger moves, and what to correct."""
     factor, stretch = (
         f"{registration[name]:.3f} ±{NBSP}{K95 * registration[f'{name}_std']:.3f}"
@@ -291,8 +295,7 @@ def _cause_of_motion(moves: str, registration: dict[str, Any]) -> str:
     rate = ", or frame_rate_hz of dpiv.toml" if another else ""
     return (
         f"{blame} recording's finger bends as at {factor} times the pressure and takes {stretch}"
-        f" times as long. Correct motion.strokes of the scene{rate}; whether water makes the"
-        " difference, COUPLED=1 with the measured pressure (motion.pressure_csv) tells."
+        f" times as long. Correct motion.strokes of the scene{rate}{'' if coupled else TELLS}."
     )
 
 

@@ -22,6 +22,7 @@ from postprocess.lab.motion import (
     final_bend,
     over_bend,
     stroke_duration,
+    way_back_std,
     with_speeds,
 )
 from postprocess.lab.pose import Pose
@@ -105,6 +106,19 @@ def test_a_motion_that_swings_back_is_known_over_its_bend(case):
     np.testing.assert_allclose(
         made.shape("outline", made.law(at)), own.shape("outline", pressure(at)), atol=2e-5
     )
+    assert way_back_std(over_time(own, pressure), made) < np.radians(0.05)
+
+
+def test_shapes_that_differ_on_the_way_back_make_the_bend_less_certain(case):
+    """A tip that is 1 mm off while the finger swings back, over a seventh of the time."""
+    own = case.kinematics
+    motion = over_time(own, lambda t: 10e3 * (1 - np.cos(2 * np.pi * t / 0.72)))
+    made, tip = over_bend(motion), motion.splines["tip"]
+    times = tip.x
+    back = (times > 0.36)[:, None] * 1e-3 * motion.shape("tip_direction", times) @ [[0, 1], [-1, 0]]
+    off = replace(motion, splines=motion.splines | {"tip": CubicSpline(times, tip(times) + back)})
+    arm = np.linalg.norm(np.diff(tip(times), axis=0), axis=1).sum() / made.high  # m per rad
+    assert way_back_std(off, made) == pytest.approx(1e-3 / arm / np.sqrt(7), rel=0.3)
 
 
 def test_a_finger_that_bends_to_both_sides_is_refused(case):

@@ -59,6 +59,7 @@ def result(*quantities, missing=()):
         "quality": {"pictures": 40.0, "density_ppp": 0.05},
         "repeats": [],
         "plane": True,
+        "coupled": False,
         "level": "smoke",
         "levels": {"smoke": {}},
     }
@@ -81,6 +82,8 @@ def test_a_motion_that_is_to_blame_is_named():
     assert "The motion is to blame" in text
     assert "bends as at 1.050 ±\u00a00.006 times the pressure" in text
     assert "frame_rate_hz" not in text  # the stroke lasts as long as simulated
+    assert "COUPLED=1" in text
+    assert "COUPLED=1" not in answer(result(BEND, SAME) | {"coupled": True})
 
 
 def test_a_level_whose_own_error_hides_the_flow_names_the_level_that_decides():
