@@ -29,7 +29,7 @@ from postprocess.lab.motion import (
     difference,
     onset,
     over_bend,
-    way_back_std,
+    way_back_share,
     with_speeds,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
@@ -82,7 +82,7 @@ def compare_with(
         motion = scene.motion_folder / "kinematics.h5"
         whole = read_kinematics(motion)
         kinematics = over_bend(whole) if scene.coupled else whole
-        back = way_back_std(whole, kinematics) if scene.coupled else 0.0
+        back = way_back_share(whole, kinematics) if scene.coupled else 0.0
         runs = _beside(run, beside if inputs else (), machine)
         parents = [scene.folder, *scene.parents]
         cases, levels = [], level_windows(parents, scene.level, _plane(run))
@@ -90,7 +90,7 @@ def compare_with(
             bend_std = _fea_band(dpiv, kinematics, motion)
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
-            more = {"levels": levels, "level": scene.level, "way_back_std": back}
+            more = {"levels": levels, "level": scene.level, "way_back": back}
             case = Comparison(kinematics, seen[0], bend_std, **more)
             for of, one in runs.values():
                 changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")

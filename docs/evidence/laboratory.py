@@ -267,7 +267,8 @@ def checked(
     std.append(1e-3 * found["delay_std_ms"])
     for name, one, other, s in zip(NAMES, known, truth, std, strict=True):
         row[f"{name}_z"] = (one - float(other)) / s
-    row["stretch_z"] = (found["stretch"] - of.duration) / found["stretch_std"]
+    lasts = judged["duration"]
+    row["stretch_z"] = (1 - of.duration / found["stretch"]) * lasts["scale"] / lasts["u_D"][0]
     row["water_speed"] = result["water_speed"]
     with read_plane(lab / "direct.h5") as direct:
         like = direct.load()

@@ -74,7 +74,7 @@ class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count.
-    `way_back_std` (rad): as of that function, of a coupled motion. `measured`:
+    `way_back`: as of `way_back_share`, of a coupled motion. `measured`:
     `flow.measure` of each side. `water_speed`: of the recording over the simulation's in
     the first half of the stroke; `all_water`: where it is the same at every instant and not 1.
     `levels`: as of `inputs.level_windows`, and the `level` that is compared.
@@ -88,7 +88,7 @@ class Comparison:
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
     measured: dict[str, pd.DataFrame] = field(default_factory=dict)
-    way_back_std: float = 0.0
+    way_back: float = 0.0
     water_speed: float | None = None
     all_water: float | None = None
 
@@ -146,17 +146,17 @@ def over_bend(motion: Kinematics) -> Kinematics:
     return replace(motion, data=data, law=law, splines=splines)
 
 
-def way_back_std(motion: Kinematics, over: Kinematics) -> float:
-    """Standard uncertainty (rad) of a bend by shapes of the way out (`over_bend`) for the way back.
+def way_back_share(motion: Kinematics, over: Kinematics) -> float:
+    """Relative standard uncertainty by shapes of the way out (`over_bend`) for the way back.
 
-    The bend that brings their tip nearest to the motion's own, RMS over its time.
+    Of bend and duration: the bend that brings the tip nearest to the motion's own, RMS over time.
     """
     times = np.linspace(*motion.time, INSTANTS)
     at, step = over.law(times), APART * over.high
     apart = motion.shape("tip", motion.law(times)) - over.shape("tip", at)
     slope = (over.shape("tip", at + step) - over.shape("tip", at - step)) / (2 * step)
     off = np.sum(apart * slope, axis=-1) / np.sum(slope**2, axis=-1)
-    return float(np.sqrt(np.mean(off**2)))
+    return float(np.sqrt(np.mean(off**2)) / over.high)
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
@@ -219,13 +219,12 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
             change = e.bend if name == "final_bend" else e.duration
             part = np.array([abs(change) * e.of.per_change])
             sources.append(Source(e.of.name, "input", part, e.of.how))
-        bands = (
-            ("geometry and material", "input", case.bend_std, "FEA's band"),
-            ("way back", "data", case.way_back_std, "shapes of the way out at the same bend"),
-        )
-        for source, kind, band, how in bands if name == "final_bend" else ():
-            if band:
-                sources.append(Source(source, kind, np.array([band]), how))
+        if case.bend_std and name == "final_bend":
+            band = np.array([case.bend_std])
+            sources.append(Source("geometry and material", "input", band, "FEA's band"))
+        if case.way_back:
+            std, how = np.array([case.way_back * abs(seen)]), "its shapes are those of the way out"
+            sources.append(Source("way back", "data", std, how))
         both = np.array([simulated]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out

@@ -22,7 +22,7 @@ from postprocess.lab.motion import (
     final_bend,
     over_bend,
     stroke_duration,
-    way_back_std,
+    way_back_share,
     with_speeds,
 )
 from postprocess.lab.pose import Pose
@@ -106,7 +106,7 @@ def test_a_motion_that_swings_back_is_known_over_its_bend(case):
     np.testing.assert_allclose(
         made.shape("outline", made.law(at)), own.shape("outline", pressure(at)), atol=2e-5
     )
-    assert way_back_std(over_time(own, pressure), made) < np.radians(0.05)
+    assert way_back_share(over_time(own, pressure), made) < 1e-3
 
 
 def test_shapes_that_differ_on_the_way_back_make_the_bend_less_certain(case):
@@ -118,7 +118,7 @@ def test_shapes_that_differ_on_the_way_back_make_the_bend_less_certain(case):
     back = (times > 0.36)[:, None] * 1e-3 * motion.shape("tip_direction", times) @ [[0, 1], [-1, 0]]
     off = replace(motion, splines=motion.splines | {"tip": CubicSpline(times, tip(times) + back)})
     arm = np.linalg.norm(np.diff(tip(times), axis=0), axis=1).sum() / made.high  # m per rad
-    assert way_back_std(off, made) == pytest.approx(1e-3 / arm / np.sqrt(7), rel=0.3)
+    assert way_back_share(off, made) == pytest.approx(1e-3 / arm / made.high / 7**0.5, rel=0.3)
 
 
 def test_a_finger_that_bends_to_both_sides_is_refused(case):
