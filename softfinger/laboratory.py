@@ -29,7 +29,6 @@ from postprocess.lab.motion import (
     difference,
     onset,
     over_bend,
-    way_back_share,
     with_speeds,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
@@ -80,9 +79,8 @@ def compare_with(
     with exclusive(lab):
         make(run, run.motion, machine, quiet)
         motion = scene.motion_folder / "kinematics.h5"
-        whole = read_kinematics(motion)
-        kinematics = over_bend(whole) if scene.coupled else whole
-        back = way_back_share(whole, kinematics) if scene.coupled else 0.0
+        kinematics = read_kinematics(motion)
+        kinematics = over_bend(kinematics) if scene.coupled else kinematics
         runs = _beside(run, beside if inputs else (), machine)
         parents = [scene.folder, *scene.parents]
         cases, levels = [], level_windows(parents, scene.level, _plane(run))
@@ -90,8 +88,7 @@ def compare_with(
             bend_std = _fea_band(dpiv, kinematics, motion)
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
-            more = {"levels": levels, "level": scene.level, "way_back": back}
-            case = Comparison(kinematics, seen[0], bend_std, **more)
+            case = Comparison(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
             for of, one in runs.values():
                 changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
                 changed = over_bend(changed) if scene.coupled else changed

@@ -30,6 +30,7 @@ from postprocess.lab.virtual_experiment import Sides
 PARTS = (0.05, 0.95)  # of the bend: between them the stroke lasts
 INSTANTS = 801  # at which the bend is looked at
 BACK = 0.05  # of the largest bend, to the other side: beyond its shapes they go on straight
+NEARER = 3  # steps to the nearest tip
 APART = 0.01  # of the largest bend: between two shapes of a coupled motion
 NEAR = 0.012  # m from the finger: water that its motion drives
 FIRST_HALF = (0.05, 0.5)  # of the bend
@@ -74,7 +75,7 @@ class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count.
-    `way_back`: as of `way_back_share`, of a coupled motion. `measured`:
+    `measured`:
     `flow.measure` of each side. `water_speed`: of the recording over the simulation's in
     the first half of the stroke; `all_water`: where it is the same at every instant and not 1.
     `levels`: as of `inputs.level_windows`, and the `level` that is compared.
@@ -88,7 +89,6 @@ class Comparison:
     levels: pd.DataFrame = field(default_factory=lambda: EMPTY)
     level: str = ""
     measured: dict[str, pd.DataFrame] = field(default_factory=dict)
-    way_back: float = 0.0
     water_speed: float | None = None
     all_water: float | None = None
 
@@ -123,7 +123,8 @@ def over_bend(motion: Kinematics) -> Kinematics:
     """A motion whose shapes are known over time, as a coupled one's, with shapes over its bend.
 
     The parameter is the angle (rad) by which the finger has bent, the shapes are those of the way
-    to the largest bend. StageError for a finger that bends to both sides.
+    to the largest bend; on the way back, the one whose tip is nearest, as a silhouette shows it.
+    StageError for a finger that bends to both sides.
     """
     bend, times = motion.data["shape_bend"].values, motion.law.x
     sign = np.sign(bend[np.argmax(np.abs(bend - bend[0]))] - bend[0])
@@ -142,21 +143,14 @@ def over_bend(motion: Kinematics) -> Kinematics:
         name: CubicSpline(angle[way], of_time(of_time.x[way]))
         for name, of_time in motion.splines.items()
     }
-    law = CubicSpline(times, (motion.bend(motion.law(times)) - bend[0]) * sign)
-    return replace(motion, data=data, law=law, splines=splines)
-
-
-def way_back_share(motion: Kinematics, over: Kinematics) -> float:
-    """Relative standard uncertainty by shapes of the way out (`over_bend`) for the way back.
-
-    Of bend and duration: the bend that brings the tip nearest to the motion's own, RMS over time.
-    """
-    times = np.linspace(*motion.time, INSTANTS)
-    at, step = over.law(times), APART * over.high
-    apart = motion.shape("tip", motion.law(times)) - over.shape("tip", at)
-    slope = (over.shape("tip", at + step) - over.shape("tip", at - step)) / (2 * step)
-    off = np.sum(apart * slope, axis=-1) / np.sum(slope**2, axis=-1)
-    return float(np.sqrt(np.mean(off**2)) / over.high)
+    at = (motion.bend(motion.law(times)) - bend[0]) * sign
+    made, tip = replace(motion, data=data, splines=splines), motion.shape("tip", motion.law(times))
+    step = APART * angle.max()
+    for _ in range(NEARER):
+        ahead, back = (made.shape("tip", at + s * step) for s in (1, -1))
+        slope, apart = (ahead - back) / (2 * step), tip - made.shape("tip", at)
+        at = at + np.sum(apart * slope, axis=-1) / np.sum(slope**2, axis=-1)
+    return replace(made, law=CubicSpline(times, at))
 
 
 def difference(nominal: Kinematics, other: Kinematics) -> tuple[float, float]:
@@ -222,9 +216,6 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
         if case.bend_std and name == "final_bend":
             band = np.array([case.bend_std])
             sources.append(Source("geometry and material", "input", band, "FEA's band"))
-        if case.way_back:
-            std, how = np.array([case.way_back * abs(seen)]), "its shapes are those of the way out"
-            sources.append(Source("way back", "data", std, how))
         both = np.array([simulated]), np.array([seen])
         out.append(ValidatedQuantity(name, label, unit, *both, abs(float(seen)), sources))
     return out

@@ -22,7 +22,6 @@ from postprocess.lab.motion import (
     final_bend,
     over_bend,
     stroke_duration,
-    way_back_share,
     with_speeds,
 )
 from postprocess.lab.pose import Pose
@@ -106,19 +105,21 @@ def test_a_motion_that_swings_back_is_known_over_its_bend(case):
     np.testing.assert_allclose(
         made.shape("outline", made.law(at)), own.shape("outline", pressure(at)), atol=2e-5
     )
-    assert way_back_share(over_time(own, pressure), made) < 1e-3
 
 
-def test_shapes_that_differ_on_the_way_back_make_the_bend_less_certain(case):
-    """A tip that is 1 mm off while the finger swings back, over a seventh of the time."""
+def test_on_the_way_back_the_nearest_shape_counts(case):
+    """A tip that is 1 mm further on while the finger swings back: as a silhouette shows it."""
     own = case.kinematics
     motion = over_time(own, lambda t: 10e3 * (1 - np.cos(2 * np.pi * t / 0.72)))
     made, tip = over_bend(motion), motion.splines["tip"]
-    times = tip.x
-    back = (times > 0.36)[:, None] * 1e-3 * motion.shape("tip_direction", times) @ [[0, 1], [-1, 0]]
-    off = replace(motion, splines=motion.splines | {"tip": CubicSpline(times, tip(times) + back)})
-    arm = np.linalg.norm(np.diff(tip(times), axis=0), axis=1).sum() / made.high  # m per rad
-    assert way_back_share(off, made) == pytest.approx(1e-3 / arm / made.high / 7**0.5, rel=0.3)
+    times, back = tip.x, tip.x > 0.37
+    onward = made.shape("tip", made.law(times) + 1e-3) - made.shape("tip", made.law(times))
+    size = np.linalg.norm(onward, axis=1)  # m for a mrad
+    moved = tip(times) + np.where(back, 1e-3 / size, 0)[:, None] * onward
+    off = replace(motion, splines=motion.splines | {"tip": CubicSpline(times, moved)})
+    further = over_bend(off).law(times) - made.law(times)
+    assert further[back] == pytest.approx(1e-6 / size[back], rel=0.02)
+    assert further[times < 0.35] == pytest.approx(0.0, abs=1e-4)
 
 
 def test_a_finger_that_bends_to_both_sides_is_refused(case):
