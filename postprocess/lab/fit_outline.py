@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import logsumexp
 
 from pipeline.formats.kinematics import Kinematics, counter_clockwise
@@ -70,6 +71,17 @@ def law_pressure(kinematics: Kinematics, times: np.ndarray, values: np.ndarray) 
     start = float(kinematics.law(kinematics.time[0]))
     at = np.clip((np.asarray(times) - delay) / stretch, *kinematics.time)
     return start + factor * (kinematics.law(at) - start)
+
+
+def law_through(
+    kinematics: Kinematics, times: np.ndarray, values: np.ndarray, pressures: np.ndarray
+) -> np.ndarray:
+    """Values of the law nearest to `pressures` (Pa) of single frames, sought from `values` on."""
+
+    def off(tried: np.ndarray) -> np.ndarray:
+        return np.asarray(law_pressure(kinematics, times, tried) - pressures)
+
+    return np.asarray(least_squares(off, values, x_scale=(0.02, 3e-3, 0.02)).x)
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from postprocess.lab.fit_outline import (
     Shapes,
     fit_outline,
     law_pressure,
+    law_through,
     pose_of,
     prepare,
     shapes_of,
@@ -231,6 +232,10 @@ def fit_pictures(
         profile = outline_profile(images, evidence, shapes, outlines, blind)
         # particles that go along with the finger make pictures less independent than they look
         share = independent_share(profile)
+        if number + 1 < len(passes):
+            # a law that lies off all pictures would seem to scatter, and hold itself there
+            first[LAW] = law_through(kinematics, times, first[LAW], singles[0])
+            law = law_pressure(kinematics, times, first[LAW])
         scatter = np.sqrt(max(np.mean((singles[0] - law) ** 2 - std[0] ** 2), (TIED * span) ** 2))
         at_rest = np.abs(law - kinematics.law(kinematics.time[0])) < REST * span
         apart = np.where(at_rest, min(scatter, REST_STD * span), scatter)

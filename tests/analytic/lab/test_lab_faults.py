@@ -9,7 +9,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
 
 from docs.evidence.lab_renderer import Faults, Rendered
 from postprocess.lab.causes import (
@@ -20,7 +19,7 @@ from postprocess.lab.causes import (
     root_causes,
     scale_cause,
 )
-from postprocess.lab.fit_outline import law_pressure, shapes_of, state_of
+from postprocess.lab.fit_outline import law_pressure, law_through, shapes_of, state_of
 from postprocess.lab.outline_profile import outline_profile, seen_outlines, shaded_parts
 from postprocess.lab.pose import Pose
 from postprocess.lab.register import Fit, Known, fit_pictures, register
@@ -268,10 +267,7 @@ def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag,
     seen = kinematics.law(np.clip(taken - DELAY, *kinematics.time))
     seen += rng.normal(0, 0.003 * span, 42)
     seen -= lag * span * np.sin(np.pi * np.clip(taken / 0.4, 0, 1)) ** 2
-    values = curve_fit(
-        lambda clock, *law: law_pressure(kinematics, clock, np.array(law)),
-        clock, seen, [1.0, DELAY, 1.0],
-    )[0]  # fmt: skip
+    values = law_through(kinematics, clock, np.array([0.95, 0.0, 1.1]), seen)
     known = Known(poses(kinematics)[0], scale_std=0.01)
     state = state_of(known.pose, values)
     singles = np.stack([seen, *(np.full(42, value) for value in state[:3])])
