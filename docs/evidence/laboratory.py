@@ -291,7 +291,8 @@ def checked(
     flows = {ERROR} if differs else {AGREES} if agrees and row["true_E"] == 0 else {AGREES, ERROR}
     right = result["motion"] in of.motion and result["flow"] in flows and of.says in answer(result)
     unseen = AGREES not in of.motion and result["motion"] == AGREES
-    green = bool(of.refused) or unseen or (differs and result["flow"] == AGREES)
+    green = (of.refused and result["verdict"] == AGREES) or unseen
+    green = bool(green or (differs and result["flow"] == AGREES))
     return row | {"right": right and not of.refused, "wrong_green": green}
 
 
