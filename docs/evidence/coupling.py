@@ -6,9 +6,12 @@ writes docs/coupling/runs.csv and contact.csv from cases/single_finger/studies/c
 cases/pinch/studies/contact.csv, of the runs that have been made.
 """
 
+import sys
+
 import pandas as pd
 
 from docs.evidence.small_scene import ROOT
+from piv.files.command import guarded
 from piv.files.errors import StageError
 from postprocess.tables import write_table
 from softfinger.study.table import missing_runs, origin, read_plan, study_table
@@ -27,17 +30,17 @@ _CONTACT = {
 def runs_of(scene: str, study: str) -> tuple[pd.DataFrame, list[dict]]:
     """The table and the plan's rows of those runs of a study that have been made; StageError."""
     path = ROOT / "cases" / scene / "out" / "studies" / study / "plan.json"
-    if not path.exists():
-        raise StageError(f"softfinger study cases/{scene}/studies/{study}.csv was not run yet")
-    plan = read_plan(path)
+    plan = read_plan(path) if path.exists() else {"runs": []}
     missing = missing_runs(plan)
     rows = [row for row in plan["runs"] if row["run"] not in missing]
+    if not rows:
+        raise StageError(f"run softfinger study cases/{scene}/studies/{study}.csv: no run is there")
     return study_table(plan | {"runs": rows}, {}).set_index("run"), rows
 
 
 def rounded(value: float) -> float:
-    """Round a number to three digits."""
-    return float(f"{value:.3g}")
+    """Round a number to four digits."""
+    return float(f"{value:.4g}")
 
 
 def contact(table: pd.DataFrame) -> pd.DataFrame:
@@ -61,14 +64,14 @@ def strokes(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Write the two tables."""
+    """Write the two tables; StageError where no run of a study has been made."""
     for scene, study, name, tabulate in (
-        ("single_finger", "coupling", "runs", strokes),
         ("pinch", "contact", "contact", contact),
+        ("single_finger", "coupling", "runs", strokes),
     ):
         table, rows = runs_of(scene, study)
         write_table(FOLDER / f"{name}.csv", tabulate(table).reset_index(), origin(rows))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(guarded("coupling", main))

@@ -5,9 +5,12 @@
 writes docs/tradeoff/sensitivity.csv from runs of cases/single_finger/studies/tradeoff.csv.
 """
 
+import sys
+
 import pandas as pd
 
 from docs.evidence.small_scene import ROOT
+from piv.files.command import guarded
 from piv.files.errors import StageError
 from postprocess.tables import write_table
 from softfinger.study.errors import errors_against, stroke_windows
@@ -49,4 +52,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(guarded("sensitivity", main))

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from pipeline.formats.records import FIGURES
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME
 from pipeline.scene.scene import load_scene
@@ -24,8 +25,10 @@ from postprocess.report import (
     flow_figures,
     picture_index,
     time_figures,
+    trust,
     wording,
 )
+from postprocess.report import stage as report
 from tests.synthetic_pinch import GAIN, SHIFT, write_pinch
 from tests.synthetic_stroke import copy_findings, write_case
 
@@ -272,6 +275,26 @@ def test_a_missing_required_input_is_one_sentence(made, tmp_path, name, stage):
     (tmp_path / "single_finger/out/coarse" / name).unlink()
     with pytest.raises(FileNotFoundError, match=f"{name}.*run the stage"):
         run_stage(opened(tmp_path / "single_finger"), stage)
+
+
+@pytest.mark.parametrize("of, words", [("made", ""), ("pinched", "lie beyond them.")])
+def test_pictures_and_rows_say_where_they_lie_beyond_the_levels_numbers(
+    of, words, request, monkeypatch
+):
+    files = request.getfixturevalue(of)
+    path, entries = files.out / "report.html", FIGURES.read(files.out / "figures/figures.json")
+    times = sorted(entry["time"] for entry in entries["entries"] if "time" in entry)
+    before = path.read_text()
+    said = "The level's numbers have ended before"
+    assert said not in before
+    end = times[0]
+    monkeypatch.setattr(trust, "level_error", lambda *_: trust.LevelError("It errs.", end=end))
+    report.make_report(files)
+    page = path.read_text()
+    path.write_text(before)  # as other tests know it
+    # the picture at the head of the page is one of them again
+    assert page.count(said) >= sum(time > end for time in times) > 0
+    assert words in page
 
 
 def test_every_axis_of_every_picture_names_its_unit(made, pinched):

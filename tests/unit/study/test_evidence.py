@@ -122,7 +122,7 @@ def test_measured_pressures_that_rows_of_studies_name_are_there():
     rows = read_study(CASES / "single_finger" / "studies" / "stability.csv")
     files = [row.overrides.get("motion.pressure_csv") for row in rows]
     named = [file for file in files if file]
-    assert len(named) == 4
+    assert len(named) == 5
     assert all((CASES / "single_finger" / file).exists() for file in named)
 
 
