@@ -64,7 +64,9 @@ def judge(part: str | None) -> list[dict[str, Any]]:
         pairs = drawn.pairs(plan := read_plans([DRAWN]))
         drawn_rows = [run | drawn.result(run, finer) for run, finer in pairs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
-        write_table(FOLDER / "drawn.csv", table, origin(plan) | made)
+        head = origin(plan) | made
+        table = drawn.with_earlier(table, head["stages"], FOLDER / "drawn.csv")
+        write_table(FOLDER / "drawn.csv", table, head)
         print("; ".join(f"{k} {v:.2g}" for k, v in drawn.calibrated(table).items()))
         ended += drawn_rows
     if part in (None, "images"):

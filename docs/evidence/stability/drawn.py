@@ -5,6 +5,7 @@ cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
 """
 
 import csv
+import json
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,17 @@ def calibrated(table: pd.DataFrame) -> dict[str, float]:
         "limit": factor * float(change[error > WRONG].min()) ** 2,
         "unwarned": float(error[ended["warned"] == "no"].max()),
     }
+
+
+def with_earlier(rows: pd.DataFrame, stages: dict[str, int], path: Path) -> pd.DataFrame:
+    """`rows`, and those of an earlier table of the same `stages` that are not made anew."""
+    if not path.exists():
+        return rows
+    with path.open(encoding="utf-8") as file:
+        head = json.loads(file.readline()[1:])
+    earlier = pd.read_csv(path, comment="#", dtype=object, keep_default_na=False)
+    kept = earlier[~earlier["run"].isin(rows["run"]) & (head["stages"] == stages)]
+    return pd.concat([rows, kept], ignore_index=True)
 
 
 def _folder(run: dict[str, Any]) -> Path:

@@ -1,10 +1,12 @@
 """Drawn runs and their finer likes, and what counts as wrong without a warning."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from docs.evidence.stability import drawn
 from pipeline.formats.records import FORCES
+from pipeline.solve import guards
 from softfinger.study.rows import read_study
 from tests.conftest import ROOT
 
@@ -50,3 +52,21 @@ def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
     assert found["ended"] == ended
     assert found["error_peak"] == pytest.approx(factor - 1)
     assert found["error_impulse"] == pytest.approx(factor - 1)
+
+
+def test_the_warning_of_the_time_step_is_as_drawn_runs_set_it():
+    found = drawn.calibrated(pd.read_csv(ROOT / "docs" / "stability" / "drawn.csv", comment="#"))
+    # the factor states an error that nine runs of ten do not exceed, to a fifth
+    assert pytest.approx(found["factor"], rel=0.2) == guards._ERROR_OF_CHANGE
+    # half of the error at which a wrong run would be missed: 1.4 times in the change of the force
+    assert 0.5 * found["limit"] >= guards._WRONG
+    assert found["unwarned"] < drawn.WRONG
+
+
+def test_rows_of_pairs_that_are_not_made_anew_stay_where_their_stages_are_the_same(tmp_path):
+    path = tmp_path / "drawn.csv"
+    path.write_text('# {"stages": {"solve": 1}}\nrun,error_peak\na,0.1\nb,0.2\n')
+    new = pd.DataFrame({"run": ["b", "c"], "error_peak": [0.3, 0.4]}, dtype=object)
+    kept = drawn.with_earlier(new, {"solve": 1}, path)
+    assert kept.astype(str).to_numpy().tolist() == [["b", "0.3"], ["c", "0.4"], ["a", "0.1"]]
+    assert drawn.with_earlier(new, {"solve": 2}, path)["run"].tolist() == ["b", "c"]
