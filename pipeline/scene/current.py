@@ -17,6 +17,7 @@ from pydantic import model_validator
 from scipy.interpolate import PchipInterpolator
 
 from pipeline.scene.section import NotNegative, Positive, Section
+from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 
 LEAD = "lead"  # folder in case/ of the stream before 0 s
@@ -28,6 +29,8 @@ _FELT = 0.05  # of it: forces are felt to be larger, by about a tenth
 _BEFORE, _BEHIND = 1.0, 2.0  # lengths of the body to the inflow and to the outflow, at least
 _FASTER = 2.0  # speed beside a body in a current, over the current's
 _STEPS = 20  # time steps in a ramp or a period
+_MOST_STEPS = 20_000  # before 0 s
+_FASTEST = 100.0  # m/s, of a table: more is another unit
 
 
 class Current(Section):
@@ -94,7 +97,13 @@ class Stream:
             def steady(time: ndarray) -> ndarray:
                 return np.asarray(mean + swing * np.sin(turning * time))
         else:
-            times, speeds = read_history(folder / current.table, "speed", least=2)
+            path = folder / current.table
+            times, speeds = read_history(path, "speed", least=2)
+            if (fastest := float(np.abs(speeds).max())) > _FASTEST:
+                raise StageError(
+                    f"{path}: {fastest:.3g} m/s is no current's speed; give m/s, or name the"
+                    " column u [cm/s] or u [mm/s]"
+                )
             spline = PchipInterpolator(times, speeds)
 
             def steady(time: ndarray) -> ndarray:
@@ -210,6 +219,11 @@ def _check_speed(scene: Any) -> None:
         )
     if current.lead is not None and not stream.begins:
         raise ValueError("current.lead goes with a current that runs at 0 s; remove it")
+    if (steps := lead_steps(scene)) > _MOST_STEPS:
+        raise ValueError(
+            f"current: runs {steps * step:.3g} s past the body at rest, {steps:.3g} of"
+            f" numerics.time_step = {step:g} s; give current.lead = {_MOST_STEPS * step:g} or less"
+        )
     for key, time in (("ramp", current.ramp), ("frequency", 1 / (current.frequency or 1e-9))):
         if time is not None and time < _STEPS * step * (1 - 1e-9):
             value = getattr(current, key)

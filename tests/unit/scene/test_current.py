@@ -48,6 +48,7 @@ def test_keys_that_do_not_go_together_are_refused(tmp_path, text, words):
     "text, key, given, word",
     [
         ("speed = 0.9", "speed", "at most ([0-9.]+) m/s", "Froude"),
+        ("speed = 1e-4\nlead = 1e5", "lead", "lead = ([0-9.]+)", "past the body"),
         ("speed = 0.1\nramp = 0.01", "ramp", "at least ([0-9.]+)", "time_step"),
         ("speed = 0.1\namplitude = 0.1\nfrequency = 50.0", "frequency", "at most ([0-9.]+)", "20"),
         ('speed = 0.1\nprofile = "boundary_layer"\nthickness = 0.4', "thickness",
@@ -58,7 +59,7 @@ def test_a_refused_value_names_the_nearest_that_works(tmp_path, text, key, given
     with pytest.raises(StageError, match=word) as caught:
         scene_of(tmp_path / "s", f"[current]\n{text}")
     nearest = re.search(given, str(caught.value))[1].rstrip(".")
-    lines = text.replace(re.search(rf"{key} = [0-9.]+", text)[0], f"{key} = {nearest}")
+    lines = text.replace(re.search(rf"{key} = [0-9.e]+", text)[0], f"{key} = {nearest}")
     assert scene_of(tmp_path / "s", f"[current]\n{lines}").current is not None
 
 
@@ -112,6 +113,13 @@ def test_a_table_is_followed_without_overshoot_and_kept_after_it(tmp_path):
     stream = Stream.of(scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'"))
     assert stream.law(np.array([0.0, 0.1, 0.2, 5.0])) == pytest.approx([0.0, 0.1, 0.1, 0.1])
     assert stream.law(np.linspace(0, 0.2, 101)).max() <= 0.1 + 1e-12
+
+
+def test_a_table_in_another_unit_is_refused(tmp_path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "u.csv").write_text("t,u\n0,100\n1,200\n")
+    with pytest.raises(StageError, match=r"200 m/s.*u \[cm/s\]"):
+        scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'")
 
 
 def test_a_table_is_named_from_the_scene_that_extends_its_scene(tmp_path):
