@@ -1,7 +1,7 @@
 """Accuracy and speed of the pair correlation against its peers (make bench-piv).
 
 Flows are rendered with a seed that served no tuning (tuning used seeds below 100). One pair of each
-is enough: its 20,000 vectors give an RMS error to 1 %, and the peers cost 20 CPU s per pair. CPU
+is enough: its 20,000 vectors give an RMS error to 1 %, and the peers cost 12 CPU s per pair. CPU
 seconds of one core; RMS errors are per component over the vectors at least 24 px from the edge that
 every method gives.
 """
