@@ -230,9 +230,13 @@ def with_speeds(case: Comparison, sides: Sides) -> Comparison:
         return case
     factor, _, stretch = case.registration.law.values
     phase = sides.data["time"].values / stretch
-    ours = np.interp(phase, sides.virtual["time"].values, near_speed(sides.virtual), np.nan, np.nan)
+    direct, virtual, clear = sides.direct, sides.virtual, sides.window_m / 2
+    ours = np.interp(phase, direct["time"].values, near_speed(direct, clear), np.nan, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(near_speed(sides.data) / ours * stretch / factor)
+        # what PIV takes off is known where both fingers leave water; of that, less is near ours
+        hidden = direct.assign(valid=usable(direct) & usable(virtual).values)
+        piv = np.nanmedian(near_speed(virtual, clear) / near_speed(hidden, clear))
+        logs = np.log(near_speed(sides.data, clear) / (piv * ours) * stretch / factor)
     done = bend_done(case.kinematics, phase)
 
     def within(part: tuple[float, float]) -> np.ndarray:
@@ -246,14 +250,17 @@ def with_speeds(case: Comparison, sides: Sides) -> Comparison:
     return replace(case, water_speed=speed, all_water=all_water)
 
 
-def near_speed(plane: xr.Dataset) -> np.ndarray:
-    """RMS speed (m/s) of the water within `NEAR` of the finger at each instant; NaN of none."""
+def near_speed(plane: xr.Dataset, clear: float) -> np.ndarray:
+    """RMS speed (m/s) of the water from `clear` (m) to `NEAR` off the finger over time; NaN: none.
+
+    Nearer to it PIV has no vectors.
+    """
     points = shapely.points(*np.meshgrid(plane["x"].values, plane["y"].values))
     near = usable(plane).values.copy()
     for seen, outlines in zip(near, plane["outline"].values, strict=True):
         bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in outlines])
         shapely.prepare(bodies)
-        seen &= shapely.dwithin(bodies, points, NEAR)
+        seen &= shapely.dwithin(bodies, points, NEAR) & ~shapely.dwithin(bodies, points, clear)
     square = np.where(near, plane["u"].values ** 2 + plane["v"].values ** 2, 0.0)
     count = near.sum(axis=(1, 2))
     return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
