@@ -18,6 +18,7 @@ from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
 from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure, save
 from postprocess.lab.causes import GREEN, ORANGE, outlined
 from postprocess.lab.fit_outline import law_pressure
+from postprocess.lab.inputs import level_uncertainty
 from postprocess.lab.pose import Pose
 from postprocess.lab.recorded import LabRecording
 from postprocess.lab.register import Registration
@@ -75,10 +76,17 @@ def _why_then(compared: Compared, result: dict[str, Any]) -> str:
     ours, seen = series["circulation_direct"], series["circulation_virtual"]
     changed, inside = ((seen - ours) / ours).abs(), series["time"].between(*window)
     peak = series["circulation_data"].abs().idxmax()
+    case, at = compared.case, float(series["time"][peak])
+    known = [level_uncertainty(case.levels, case.level, one) for one in (window, (at, at))]
+    there, then = (100 * one.get("circulation", np.nan) for one in known)
+    level = (
+        f" The level's own error is {there:.0f}{PER_CENT} (standard uncertainty) at the shaded"
+        f" instants and {then:.0f}{PER_CENT} at the peak."
+    )
     return (
-        f"PIV changes the simulation's circulation by {100 * changed[peak]:.0f}{PER_CENT} at the"
-        f" peak ({series['time'][peak]:.3f}{NBSP}s), and by {100 * changed[inside].mean():.0f}"
-        f"{PER_CENT} on average at the shaded instants."
+        f"PIV changes the simulation's circulation by {100 * changed[inside].mean():.0f}{PER_CENT}"
+        f" on average at the shaded instants, and by {100 * changed[peak]:.0f}{PER_CENT} at the"
+        f" peak ({at:.3f}{NBSP}s).{level if known[0] else ''}"
     )
 
 
@@ -301,19 +309,19 @@ def _cause_of_motion(moves: str, registration: dict[str, Any], coupled: bool) ->
 
 def _cause_of_flow(moves: str | None, wrong: list[Quantity], all_water: float | None) -> str:
     """The cause of a flow that differs in the quantities `wrong`."""
-    first = ""
-    if all_water is not None:
-        first = (
-            f"All water moves {all_water:.2f} times as fast at every instant: check piv.interval_s"
-            " first. If it is right: "
-        )
+    text = (
+        "Whether motion or flow model is to blame is not known: the motion's effect on the flow"
+        " needs the runs pressure and duration."
+    )
     if moves is None:
-        return f"{first}The flow model is to blame, or a motion other than the simulated one."
-    if moves == AGREES or any(q["moved"] is not None for q in wrong):
-        return f"{first}The flow differs at the recording's own motion: the flow model is to blame."
+        text = "The flow model is to blame, or a motion other than the simulated one."
+    elif moves == AGREES or any(q["moved"] is not None for q in wrong):
+        text = "The flow differs at the recording's own motion: the flow model is to blame."
+    if all_water is None:
+        return text
     return (
-        f"{first}Whether motion or flow model is to blame is not known: the motion's effect on the"
-        " flow needs the runs pressure and duration."
+        f"All water moves {all_water:.2f} times as fast at every instant: check piv.interval_s"
+        f" first. If it is right, {text[:1].lower()}{text[1:]}"
     )
 
 
