@@ -4,13 +4,18 @@ import json
 import math
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from piv.files.errors import StageError
 from softfinger.options import SceneFolder, Switch
+
+if TYPE_CHECKING:
+    from softfinger.twin.fit import Fit
+    from softfinger.twin.model import Twin
 
 _TEXT = """\
 # Written by softfinger identify from {films}; bands of 95 % (identify.json has all).
@@ -22,6 +27,10 @@ title = {title}
 [structure]
 loss_factor = {loss}
 """
+CONFIRMED = (
+    "coupled run ({level}): its tip is within {film:.1%} of the length of the film's, and within"
+    " {chain:.1%} of that in modelled water (RMS)"
+)
 _VALUE = "{value:.4g} ({band[0]:.4g} to {band[1]:.4g})"
 
 
@@ -52,6 +61,9 @@ def identify(
     ] = None,
     rate: Annotated[float | None, Parameter(help="Pictures a second; absent: the file's.")] = None,
     air: Switch = False,
+    confirm: Annotated[
+        str, Parameter(help="Level of two coupled runs that correct the water's share: draft.")
+    ] = "",
     output: Annotated[Path | None, Parameter(help="The new scene's folder.")] = None,
 ) -> Path:
     """Fit rubber and damping of a scene's finger to films and their pressures.
@@ -60,14 +72,14 @@ def identify(
     that of the film that is held out. A film begins at t = 0 of its pressure, within 40 ms.
     """
     from pipeline.fea.up_to_date import check_states
-    from pipeline.formats.bending_states import write
-    from pipeline.scene.read_toml import OWN_STATES
     from pipeline.scene.scene import load_scene
     from piv.files.atomic import write_text
     from postprocess.lab.pose import Pose
+    from softfinger.twin.advice import FOLDER, advice, advised
+    from softfinger.twin.confirm import compared, corrected, coupled, water
     from softfinger.twin.film import shape_of
     from softfinger.twin.identify import identified, judged, record, warnings
-    from softfinger.twin.model import LOADS, LOSS, STIFF, Twin, read_stroke, scaled
+    from softfinger.twin.model import Twin, read_stroke
     from softfinger.twin.page import write_page
 
     films = [*film, *([hold_out] if hold_out else [])]
@@ -91,31 +103,33 @@ def identify(
     if len(set(shapes)) > 1:
         raise StageError(f"films of different sizes, {shapes}; give films of one camera that rests")
     at = column, shapes[0][0] - 1 - y_down
-    twin = Twin(loaded, Pose(scale, 0.0, loaded.finger.root, at), air)
+    twin = Twin(loaded, Pose(scale, 0.0, loaded.finger.root, at), shapes[0], air)
     strokes = [read_stroke(twin, *each, rate) for each in zip(films, pressure, strict=True)]
     for one in strokes:
         if one.film.unused:
             print(f"{one.film.name}: {one.film.unused} pictures after its pressure are not used")
-    found = identified(twin, strokes[: len(film)])
-    fitted = [judged(twin, found, stroke) for stroke in strokes[: len(film)]]
+    if confirm and air:
+        raise StageError("--confirm: a film in air has no water to confirm; leave one of them out")
+    to_fit = strokes[: len(film)]
+    found = identified(twin, to_fit)
+    _write_scene(target, scene, twin, found, film)
+    more: dict[str, Any] = {}
+    if confirm:
+        run = coupled(twin, target, confirm, to_fit[0], "corrects")
+        of_water = water(twin, found.values(), to_fit[0], run)
+        twin = replace(twin, water=corrected(of_water))
+        found = identified(twin, to_fit, found)
+        _write_scene(target, scene, twin, found, film)
+        run = coupled(twin, target, confirm, strokes[-1], "confirms")
+    fitted = [judged(twin, found, stroke) for stroke in to_fit]
     held = judged(twin, found, strokes[-1]) if hold_out else None
-    values = found.values()
-    fitted_to = {row["name"]: _VALUE.format(**row) for row in found.table()}
-    parent = os.path.relpath(scene, target)
-    text = _TEXT.format(
-        films=", ".join(path.name for path in film),
-        parent=parent,
-        extends=json.dumps(parent, ensure_ascii=False),
-        stiff=fitted_to[STIFF],
-        loads=fitted_to[LOADS],
-        title=json.dumps(f"{loaded.title}, twin", ensure_ascii=False),
-        loss=fitted_to[LOSS].replace("(", "# ").rstrip(")"),
-    )
-    write(target / OWN_STATES, scaled(twin.states, values[STIFF], values[LOADS]))
-    write_text(target / "scene.toml", text)
-    about = json.dumps(record(found, fitted, held), indent=1)
+    if confirm:
+        more["coupled"] = {"level": confirm, "water": of_water.table()}
+        more["coupled"] |= compared(twin, held or fitted[-1], run)
+    more["next"] = advised(twin, found, to_fit[0], target / FOLDER)
+    about = json.dumps(record(found, fitted, held, more), indent=1)
     write_text(target / "identify.json", about + "\n")
-    write_page(target / "identify.html", twin, found, fitted, held)
+    write_page(target / "identify.html", twin, found, fitted, held, more)
     for row in found.table():
         low, high = row["band"]
         doubt = "" if row["told"] else " (not determined by the films)"
@@ -123,5 +137,30 @@ def identify(
     for warning in warnings(found):
         print(f"warning: {warning}")
     print(f"outlines differ by {found.rms:.2f} px (RMS)")
+    if confirm:
+        print(CONFIRMED.format(**more["coupled"]))
+    print(f"next: {advice(found, more['next'])}")
     print(f"scene: {target}\nreport: {(target / 'identify.html').resolve()}")
     return target
+
+
+def _write_scene(target: Path, scene: Path, twin: "Twin", found: "Fit", film: list[Path]) -> None:
+    """Write a scene with the fitted numbers, and its bending states."""
+    from pipeline.formats.bending_states import write
+    from pipeline.scene.read_toml import OWN_STATES
+    from piv.files.atomic import write_text
+    from softfinger.twin.model import LOADS, LOSS, STIFF, scaled
+
+    fitted_to = {row["name"]: _VALUE.format(**row) for row in found.table()}
+    parent, values = os.path.relpath(scene, target), found.values()
+    text = _TEXT.format(
+        films=", ".join(path.name for path in film),
+        parent=parent,
+        extends=json.dumps(parent, ensure_ascii=False),
+        stiff=fitted_to[STIFF],
+        loads=fitted_to[LOADS],
+        title=json.dumps(f"{twin.scene.title}, twin", ensure_ascii=False),
+        loss=fitted_to[LOSS].replace("(", "# ").rstrip(")"),
+    )
+    write(target / OWN_STATES, scaled(twin.states, values[STIFF], values[LOADS]))
+    write_text(target / "scene.toml", text)

@@ -95,12 +95,14 @@ def fit(
     residuals: Callable[[dict[str, float]], list[FloatArray]],
     noise: float,
     most: float = np.inf,
+    start: FloatArray | None = None,
 ) -> Fit:
     """The most probable parameters; `residuals`: of each record (time, point), 0 where it fits.
 
     `noise`: a first guess of the residuals' standard deviation. The second round takes what the
     first has left, and counts residuals that go together over time or along the body once. Of an
-    instant at most `most` count: what biases an edge biases all of a side.
+    instant at most `most` count: what biases an edge biases all of a side. `start`: in standard
+    deviations of the priors.
     """
     names = [parameter.name for parameter in parameters]
 
@@ -117,11 +119,13 @@ def fit(
         ]
         return np.stack(sides, axis=-1) / (2 * _STEP)
 
-    z, share, size = np.zeros(len(parameters)), 1.0, noise
-    for _ in range(2):
+    z = np.zeros(len(parameters)) if start is None else start
+    points = left(z)[0].shape[1]
+    share, size = min(most / points, 1.0), noise
+    for close in (1e-2, 1e-4):
         weight = share**0.5 / size
         found = least_squares(
-            weighed, z, slopes, args=(weight,), bounds=(-4.0, 4.0), xtol=1e-4, ftol=1e-4
+            weighed, z, slopes, args=(weight,), bounds=(-4.0, 4.0), xtol=1e-4, ftol=close
         )
         z, parts = found.x, left(found.x)
         rms = float(np.sqrt(np.mean(np.concatenate([p.ravel() for p in parts]) ** 2)))

@@ -7,21 +7,39 @@ from typing import Any
 
 import numpy as np
 
+from piv.files.errors import StageError
 from softfinger.twin.fit import Fit, FloatArray, fit
-from softfinger.twin.model import LOADS, LOSS, START, START_STD, STIFF, Stroke, Twin, tip_of
+from softfinger.twin.model import (
+    DRAG,
+    LOADS,
+    LOSS,
+    MASS,
+    START,
+    START_STD,
+    STIFF,
+    Stroke,
+    Twin,
+    direction,
+    tip_of,
+)
 
 CLOSE = 0.03  # of the length, of the tip's RMS: published twins reach 3 to 5 %
 _NOISE_PX = 1.0  # a first guess
 _EDGES = 3.0  # of an outline: both sides and the tip's end
-_TRIED, _DRAWS = 81, 200
-_STEP = 0.25  # of the priors' standard deviation, of the slopes that carry the bands
+_TRIED, _DRAWS = 81, 100
+_WIDE = np.log(1.1)  # of a band: what is not known within 10 % is named
+_SPEED = 0.01  # s over which the tip's speed is taken
+# whose uncertainty makes that of the motion
+GROUPS = {"rubber": (STIFF, LOADS), "damping": (LOSS,), "water": (MASS, DRAG)}
 
 
 @dataclass(frozen=True)
 class Judged:
     """A stroke beside its prediction; places of the tip (frame, 2) m in the tank.
 
-    `low`, `high` (frame, 2): the predicted band (95 %); `error`: distances over the length.
+    `low`, `high` (frame, 2): the predicted band (95 %); `error`: distances over the length;
+    `motion`: by quantity its value, its band and the shares of GROUPS in it; `drawn`: runs that the
+    bands are of.
     """
 
     stroke: Stroke
@@ -31,17 +49,31 @@ class Judged:
     low: FloatArray
     high: FloatArray
     error: FloatArray
+    motion: list[dict[str, Any]]
+    drawn: int
 
-    def summary(self) -> dict[str, float]:
-        """RMS and largest distance of the tip, of the length."""
+    def summary(self) -> dict[str, Any]:
+        """RMS and largest distance of the tip, of the length, and its path over time."""
         rms = float(np.sqrt(np.mean(self.error**2)))
-        return {"tip_rms_of_length": rms, "tip_max_of_length": float(self.error.max())}
+        paths = {"tip": self.predicted, "low": self.low, "high": self.high, "seen": self.seen}
+        return {
+            "tip_rms_of_length": rms,
+            "tip_max_of_length": float(self.error.max()),
+            "times": self.stroke.film.times.tolist(),
+            **{name: path.round(6).tolist() for name, path in paths.items()},
+            "motion": self.motion,
+            "drawn": self.drawn,
+        }
 
 
-def identified(twin: Twin, strokes: list[Stroke]) -> Fit:
-    """The fit of the twin's parameters to films of different names and their pressures."""
-    names = [stroke.film.name for stroke in strokes]
-    return fit(twin.parameters(names), lambda v: twin.residuals(v, strokes), _NOISE_PX, _EDGES)
+def identified(twin: Twin, strokes: list[Stroke], first: Fit | None = None) -> Fit:
+    """The fit of the twin's parameters to films of different names and their pressures.
+
+    `first`: one to begin from.
+    """
+    asked = twin.parameters([stroke.film.name for stroke in strokes])
+    start = None if first is None else first.z
+    return fit(asked, lambda v: twin.residuals(v, strokes), _NOISE_PX, _EDGES, start)
 
 
 def judged(twin: Twin, found: Fit, stroke: Stroke) -> Judged:
@@ -51,53 +83,86 @@ def judged(twin: Twin, found: Fit, stroke: Stroke) -> Judged:
     """
     start, values = START.format(stroke.film.name), found.values()
     if start not in values:
-        tried = START_STD * np.linspace(-3, 3, _TRIED)
-        off = [np.mean(twin.residuals(values | {start: s}, [stroke])[0] ** 2) for s in tried]
-        values |= {start: float(tried[int(np.argmin(off))])}
-    predicted = _tips(twin, values, stroke)
-    seen = twin.pose_of(values).to_tank(twin.seen_tips(values, stroke))
-    slopes = []
-    for k in range(len(found.z)):
-        step = _STEP * np.eye(len(found.z))[k]
-        sides = [
-            _tips(
-                twin, values | found.values(found.z + side * step) | {start: values[start]}, stroke
-            )
-            for side in (-1, 1)
-        ]
-        slopes.append((sides[1] - sides[0]) / (2 * _STEP))
-    drawn = found.draws(_DRAWS) - found.z
-    paths = predicted + np.tensordot(drawn, np.array(slopes), 1)
+        starts = START_STD * np.linspace(-3, 3, _TRIED)
+        off = [np.mean(twin.residuals(values | {start: s}, [stroke])[0] ** 2) for s in starts]
+        values |= {start: float(starts[int(np.argmin(off))])}
+    predicted = tip_of(twin.at_pictures(values, stroke))
+    seen = twin.seen_tips(values, stroke)
+    drawn, paths, others = [], [], []
+    for z in found.draws(_DRAWS):
+        tried = values | found.values(z) | {start: values[start]}
+        try:
+            paths.append(tip_of(twin.at_pictures(tried, stroke)))
+        except StageError:
+            continue  # a softer rubber than the states cover
+        others.append(list(quantities(twin, tried, stroke).values()))
+        drawn.append(z - found.z)
     low, high = np.percentile(paths, [2.5, 97.5], axis=0)
     error = np.hypot(*(seen - predicted).T) / twin.scene.finger.length
-    return Judged(stroke, values, seen, predicted, low, high, error)
+    own = quantities(twin, values, stroke)
+    columns = np.transpose(others)
+    motion = [
+        {"name": name, "value": own[name], "band": np.percentile(column, [2.5, 97.5]).tolist()}
+        | shares(found, np.array(drawn), column)
+        for name, column in zip(own, columns, strict=True)
+    ]
+    return Judged(stroke, values, seen, predicted, low, high, error, motion, len(drawn))
 
 
-def _tips(twin: Twin, values: dict[str, float], stroke: Stroke) -> FloatArray:
-    """The predicted tip (frame, 2) m in the tank."""
-    return tip_of(twin.at_pictures(values, stroke))
+def quantities(twin: Twin, values: dict[str, float], stroke: Stroke) -> dict[str, float]:
+    """Of the stroke's motion: largest change of bend, its instant, and largest speed of the tip."""
+    time, outlines = twin.run(values, stroke.pressure)
+    out = direction(outlines) @ [1, 1j]
+    turned = np.degrees(np.unwrap(np.angle(out / out[0])))
+    peak = int(np.argmax(np.abs(turned)))
+    step = max(round(_SPEED / (time[1] - time[0])), 1)
+    tip = tip_of(outlines)
+    speed = np.hypot(*(tip[step:] - tip[:-step]).T).max() / (step * (time[1] - time[0]))
+    names = "largest change of bend, °", "its instant, s", "largest tip speed, m/s"
+    return dict(zip(names, (float(turned[peak]), float(time[peak]), float(speed)), strict=True))
+
+
+def shares(found: Fit, drawn: FloatArray, column: FloatArray) -> dict[str, float]:
+    """Shares of GROUPS in the variance of a quantity (draw,), by a plane through the draws.
+
+    What two groups have in common is halved between them; the rest is what is not linear.
+    """
+    off = column - column.mean()
+    slopes = np.linalg.lstsq(drawn, off, rcond=None)[0]
+    total = max(float(off @ off), 1e-30)
+    names = [one.name for one in found.parameters]
+    return {
+        group: float(sum((slopes[k] * drawn[:, k]) @ off for k, n in enumerate(names) if n in of))
+        / total
+        for group, of in GROUPS.items()
+    }
 
 
 def warnings(found: Fit) -> list[str]:
-    """Parameters that the films do not determine, and those at the edge of their priors."""
+    """What the films do not determine or not within 10 %, and what is at the edge of its prior."""
     out = []
     for row in found.table():
-        if row["name"] in (STIFF, LOADS, LOSS) and not row["told"]:
+        (low, high), name = row["band"], row["name"]
+        if name in (STIFF, LOADS, LOSS) and not row["told"]:
             out.append(
-                f"the films do not determine the {row['name']}: it stays near its prior,"
+                f"the films do not determine the {name}: it stays near its prior,"
                 f" {row['value']:.3g}"
             )
+        elif name in (STIFF, LOADS, LOSS) and np.log(high / low) > 2 * _WIDE:
+            out.append(f"the {name} is not known within 10 %: {low:.3g} to {high:.3g}")
         if row["at_edge"]:
             out.append(
-                f"the {row['name']} lies at the edge of what was expected, {row['value']:.3g}:"
-                " check scale, root, pressure and geometry"
+                f"the {name} lies at the edge of what was expected, {row['value']:.3g}:"
+                " check scale, root, pressure and geometry, and that the camera faces the finger"
             )
     return out
 
 
-def record(found: Fit, fitted: list[Judged], held_out: Judged | None) -> dict[str, Any]:
-    """What identify.json holds."""
-    return {
+def record(
+    found: Fit, fitted: list[Judged], held_out: Judged | None, more: dict[str, Any]
+) -> dict[str, Any]:
+    """What identify.json holds, with `more`."""
+    return more | {
         "parameters": found.table(),
         "correlation": found.correlation.round(4).tolist(),
         "residual_px": found.rms,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,6 +23,8 @@ STIFF, LOADS, LOSS, MASS, DRAG = (
     "added mass of the water", "drag of the water",
 )  # fmt: skip
 SCALE, ROOT_X, ROOT_Y, TURN, GROWTH = "scale", "root x", "root y", "turn", "growth of the outline"
+TILT_X, TILT_Y, AWAY = "slant along x", "slant along y", "distance of the camera"
+SHUTTER = "readout of a picture"  # from its first row to its last
 START = "start of {}"  # a film's first picture on the pressure's clock
 _STEPS = 60  # of the first vibration
 _MOST_STEPS = 1500
@@ -32,8 +34,11 @@ _EVERY = 3  # of the profile's points
 _TIP = (0.25, 0.5, 0.75)  # of the thickness: points of the tip's end
 _BESIDE = 4  # points from the tip's middle to those of the sides that place it
 # standard deviations of the priors; of the root in m
-PRIORS = {STIFF: 0.25, LOADS: 0.1, LOSS: 0.5, MASS: 0.15, DRAG: 0.25, SCALE: 0.02}
+PRIORS = {STIFF: 0.3, LOADS: 0.1, LOSS: 0.7, MASS: 0.15, DRAG: 0.25, SCALE: 0.02}
+Motion = tuple[FloatArray, FloatArray]  # times (s) and outlines (time, point, 2) m
 ROOT_STD, TURN_STD, GROWTH_STD, START_STD = 1.5e-3, np.radians(1.5), 1.0, 0.02
+TILT_STD, AWAY_MEAN, AWAY_STD, SHUTTER_STD = np.radians(5), 0.6, 0.5, 0.01  # rad, m, ratio, s
+SMOOTHING = 0.01  # s over which a pressure log is averaged
 
 
 def scaled(states: BendingStates, stiff: float, loads: float) -> BendingStates:
@@ -60,11 +65,19 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Twin:
-    """A scene's finger as the film's model. `pose`: stated; `air`: filmed in air."""
+    """A scene's finger as the film's model.
+
+    `pose`: stated; `shape`: rows and columns of the pictures; `air`: filmed in air; `water`: mean
+    and relative standard deviation of its coefficients.
+    """
 
     scene: Scene
     pose: Pose
+    shape: tuple[int, int]
     air: bool = False
+    water: dict[str, tuple[float, float]] = field(
+        default_factory=lambda: {name: (1.0, PRIORS[name]) for name in (MASS, DRAG)}
+    )
 
     @cached_property
     def states(self) -> BendingStates:
@@ -72,21 +85,24 @@ class Twin:
         return read(self.scene.folder / str(self.scene.motion.states))
 
     @cached_property
-    def _runs(self) -> dict[tuple, tuple[FloatArray, FloatArray]]:
+    def _runs(self) -> dict[tuple, Motion]:
         return {}
 
     def parameters(self, names: list[str]) -> list[Parameter]:
         """The parameters of films by their names, with priors."""
-        nuisance = [] if self.air else [MASS, DRAG]
-        ratios = [STIFF, LOADS, *nuisance, SCALE]
+        water = {} if self.air else self.water
         loss = self.scene.structure.loss_factor
         return [
-            *(Parameter(name, 1.0, PRIORS[name], "", ratio=True) for name in ratios),
+            *(Parameter(name, 1.0, PRIORS[name], "", ratio=True) for name in (STIFF, LOADS, SCALE)),
+            *(Parameter(name, *prior, "", ratio=True) for name, prior in water.items()),
             Parameter(LOSS, loss, PRIORS[LOSS], "", ratio=True),
             Parameter(ROOT_X, 0.0, ROOT_STD / self.pose.pixel, "px"),
             Parameter(ROOT_Y, 0.0, ROOT_STD / self.pose.pixel, "px"),
             Parameter(TURN, 0.0, TURN_STD, "rad"),
             Parameter(GROWTH, 0.0, GROWTH_STD, "px"),
+            *(Parameter(name, 0.0, TILT_STD, "rad") for name in (TILT_X, TILT_Y)),
+            Parameter(AWAY, AWAY_MEAN, AWAY_STD, "m", ratio=True),
+            Parameter(SHUTTER, 0.0, SHUTTER_STD, "s"),
             *(Parameter(START.format(name), 0.0, START_STD, "s") for name in names),
         ]
 
@@ -94,9 +110,9 @@ class Twin:
         """The finger's outline (point, 2) m in the tank, without pressure and loads."""
         finger = ElasticFinger.of(self.scene, self.states)
         none = np.zeros((1, finger.chain.slices))
-        return np.asarray(self._outlines(finger, np.zeros(1), none)[0])
+        return np.asarray(self.outlines(finger, np.zeros(1), none)[0])
 
-    def run(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
+    def run(self, values: dict[str, float], pressure: Path) -> Motion:
         """Times (s) on the pressure's clock and outlines (time, point, 2) m; StageError."""
         key = (pressure, *(round(values.get(n, 1.0), 12) for n in (STIFF, LOADS, LOSS, MASS, DRAG)))
         if key not in self._runs:
@@ -105,9 +121,12 @@ class Twin:
                 self._runs.pop(next(iter(self._runs)))  # the oldest
         return self._runs[key]
 
-    def _computed(self, values: dict[str, float], pressure: Path) -> tuple[FloatArray, FloatArray]:
-        end = float(read_history(pressure, "pressure", least=2)[0][-1])
-        moved = {"strokes": (), "pressure_csv": str(pressure.resolve()), "end_time": end}
+    def _computed(self, values: dict[str, float], pressure: Path) -> Motion:
+        first, end = read_history(pressure, "pressure", least=2)[0][[0, -1]]
+        moved = {
+            "strokes": (), "pressure_csv": str(pressure.resolve()), "end_time": float(end),
+            "smoothing": SMOOTHING,
+        }  # fmt: skip
         damped = self.scene.structure.model_copy(update={"loss_factor": values[LOSS]})
         moved_scene = self.scene.model_copy(
             update={"motion": self.scene.motion.model_copy(update=moved), "structure": damped}
@@ -120,19 +139,22 @@ class Twin:
             added_mass=around.added_mass * values.get(MASS, 1.0),
             drag=around.drag * values.get(DRAG, 1.0),
         )
-        step = max(finger.period / _STEPS, end / _MOST_STEPS)
-        time = np.linspace(0.0, end, max(round(end / step), 10) + 1)
-        chambers, none = finger.chambers(time), np.zeros((len(time), finger.chain.slices, 3))
+        begin = min(float(first), 0.0)
+        step = max(finger.period / _STEPS, (end - begin) / _MOST_STEPS)
+        time = np.linspace(begin, end, max(round((end - begin) / step), 10) + 1)
+        chambers = finger.chambers(time + 0.5 * SMOOTHING)  # the average lags by half of its span
+        none = np.zeros((len(time), finger.chain.slices, 3))
         beyond = max(states.pressure[0] - chambers.min(), chambers.max() - states.pressure[-1])
         if beyond > 0.01 * np.ptp(states.pressure):
             raise StageError(
                 f"{pressure}: a rubber {values[STIFF]:.2f} times as stiff needs bending states to"
                 f" {chambers.max() / values[STIFF] / 1e3:.3g} kPa; analyse more pressures ([fea])"
             )
-        turned = motion(finger.chain, chambers, float(time[1]), around, none, most=np.inf)
-        return time, self._outlines(finger, chambers, turned)
+        step = float(time[1] - time[0])
+        turned = motion(finger.chain, chambers, step, around, none, most=np.inf)
+        return time, self.outlines(finger, chambers, turned)
 
-    def _outlines(
+    def outlines(
         self, finger: ElasticFinger, chambers: FloatArray, turned: FloatArray
     ) -> FloatArray:
         """Points (time, point, 2) m along the ventral side, around the tip and back."""
@@ -159,20 +181,44 @@ class Twin:
 
     def posed(self, values: dict[str, float], outlines: FloatArray) -> FloatArray:
         """Outlines (time, point, 2) m in the pictures, px with y up, as the camera sees them."""
-        seen = self.pose_of(values).to_px(outlines)
-        along = np.gradient(seen, axis=1)
-        outward = np.stack([along[..., 1], -along[..., 0]], axis=-1)
-        outward /= np.maximum(np.hypot(*np.moveaxis(outward, -1, 0)), 1e-9)[..., None]
-        side = np.sign(np.sum(outward[:, 0] * (seen[:, 0] - seen[:, -1]), axis=-1))[:, None, None]
-        return np.asarray(seen + values[GROWTH] * side * outward)
+        centre, slant, far = self._lens(values)
+        away = (self.pose_of(values).to_px(outlines) - centre) * np.cos(slant)
+        away = away / (1 + away @ np.tan(slant) / far)[..., None]
+        across = outward(away)
+        # of the finger's width the nearer edge or the farther one bounds the silhouette
+        width = 0.5 * self.scene.finger.width / values[AWAY]
+        grown = width * np.abs(np.sum((away + far * np.sin(slant)) * across, axis=-1))
+        return np.asarray(centre + away + (values[GROWTH] + grown)[..., None] * across)
 
-    def at_pictures(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
-        """Outlines (frame, point, 2) m at the film's pictures."""
-        time, outlines = self.run(values, stroke.pressure)
-        at = np.clip(stroke.film.times + values[START.format(stroke.film.name)], time[0], time[-1])
-        k = np.clip(np.searchsorted(time, at) - 1, 0, len(time) - 2)
-        w = ((at - time[k]) / (time[k + 1] - time[k]))[:, None, None]
-        return np.asarray((1 - w) * outlines[k] + w * outlines[k + 1])
+    def _lens(self, values: dict[str, float]) -> tuple[FloatArray, FloatArray, float]:
+        """The picture's centre (2,) px, the camera's slant (2,) rad, and its distance in px."""
+        slant = np.array([values[TILT_X], values[TILT_Y]])
+        return 0.5 * np.array(self.shape[::-1]), slant, values[AWAY] / self.pose.pixel
+
+    def to_tank(self, values: dict[str, float], seen: FloatArray) -> FloatArray:
+        """Places (…, 2) m in the tank of places in the pictures, px with y up."""
+        centre, slant, far = self._lens(values)
+        away = (seen - centre) / (1 - (seen - centre) @ np.tan(slant) / far)[..., None]
+        return self.pose_of(values).to_tank(away / np.cos(slant) + centre)
+
+    def at_pictures(
+        self, values: dict[str, float], stroke: Stroke, motion: Motion | None = None
+    ) -> FloatArray:
+        """Outlines (frame, point, 2) m at the film's pictures, each point when its row is read.
+
+        `motion`: another than the model's.
+        """
+        time, outlines = motion or self.run(values, stroke.pressure)
+        middle = (stroke.film.times + values[START.format(stroke.film.name)])[:, None]
+        late, points = np.zeros_like(middle), np.arange(outlines.shape[1])
+        for _ in range(2):  # where a point is tells its row, which tells when it is read
+            at = np.clip(middle + late, time[0], time[-1])
+            k = np.clip(np.searchsorted(time, at) - 1, 0, len(time) - 2)
+            w = ((at - time[k]) / (time[k + 1] - time[k]))[..., None]
+            placed = (1 - w) * outlines[k, points] + w * outlines[k + 1, points]
+            rows = self.pose_of(values).to_px(placed)[..., 1] / self.shape[0]
+            late = values[SHUTTER] * (0.5 - rows)
+        return np.asarray(placed)
 
     def seen(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
         """Outlines (frame, point, 2) px at the film's pictures."""
@@ -183,19 +229,21 @@ class Twin:
         return [stroke.film.at(self.seen(values, stroke)) for stroke in strokes]
 
     def seen_tips(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
-        """Tip (frame, 2) px that each picture shows: the predicted one, moved to the silhouette.
+        """Tip (frame, 2) m that each picture shows: the predicted one, moved to the silhouette.
 
         To first order, by the distances of the silhouette from the end and from both sides there.
         """
-        outlines = self.seen(values, stroke)
+        placed = self.at_pictures(values, stroke)
+        outlines = self.posed(values, placed)
         off = stroke.film.at(outlines)[..., None]
         middle = outlines.shape[1] // 2
         one, other = middle - _BESIDE, middle + _BESIDE  # on the ventral and on the dorsal side
-        along = outlines[:, middle] - 0.5 * (outlines[:, one] + outlines[:, other])
-        across = outlines[:, one] - outlines[:, other]
-        along, across = (a / np.hypot(*a.T)[:, None] for a in (along, across))
+        along, across = direction(outlines), outlines[:, one] - outlines[:, other]
+        across = across / np.hypot(*across.T)[:, None]
         short, aside = off[:, middle - 1 : middle + 2].mean(axis=1), off[:, one] - off[:, other]
-        return np.asarray(outlines[:, middle] - short * along - 0.5 * aside * across)
+        moved = outlines[:, middle] - short * along - 0.5 * aside * across
+        change = self.to_tank(values, moved) - self.to_tank(values, outlines[:, middle])
+        return tip_of(placed) + change
 
 
 def read_stroke(twin: Twin, path: Path, log: Path, rate: float | None) -> Stroke:
@@ -214,3 +262,20 @@ def read_stroke(twin: Twin, path: Path, log: Path, rate: float | None) -> Stroke
 def tip_of(outlines: FloatArray) -> FloatArray:
     """The middle of the tip's end (…, 2) of outlines (…, point, 2)."""
     return np.asarray(outlines[..., outlines.shape[-2] // 2, :])
+
+
+def direction(outlines: FloatArray) -> FloatArray:
+    """Unit vectors (time, 2) out of the tip, along the finger."""
+    middle = outlines.shape[1] // 2
+    sides = outlines[:, [middle - _BESIDE, middle + _BESIDE]].mean(axis=1)
+    along = outlines[:, middle] - sides
+    return np.asarray(along / np.hypot(*along.T)[:, None])
+
+
+def outward(outlines: FloatArray) -> FloatArray:
+    """Unit normals (time, point, 2) out of outlines (time, point, 2) from root to root."""
+    along = np.gradient(outlines, axis=1)
+    across = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    across /= np.maximum(np.hypot(*np.moveaxis(across, -1, 0)), 1e-9)[..., None]
+    side = np.sum(across[:, 0] * (outlines[:, 0] - outlines[:, -1]), axis=-1)
+    return np.asarray(np.sign(side)[:, None, None] * across)

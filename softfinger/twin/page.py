@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,17 +12,23 @@ from matplotlib.figure import Figure
 from piv.files.atomic import write_text
 from postprocess.draw.style import CFD, MM, SHADED, WIDTH, new_figure
 from postprocess.report.page_template import data_uri, page_template
+from softfinger.twin.advice import advice, half_widths
 from softfinger.twin.fit import Fit
-from softfinger.twin.identify import CLOSE, Judged, warnings
-from softfinger.twin.model import Twin
+from softfinger.twin.identify import CLOSE, GROUPS, Judged, warnings
+from softfinger.twin.model import LOADS, LOSS, STIFF, Twin
 
 _PICTURES = 4  # of a film
 
 
 def write_page(
-    path: Path, twin: Twin, found: Fit, fitted: list[Judged], held: Judged | None
+    path: Path,
+    twin: Twin,
+    found: Fit,
+    fitted: list[Judged],
+    held: Judged | None,
+    more: dict[str, Any],
 ) -> None:
-    """Write identify.html."""
+    """Write identify.html. `more`: what `record` adds."""
     strokes = [*(("fitted", one) for one in fitted), *([("held out", held)] if held else [])]
     text = page_template("twin.html").render(
         title=twin.scene.title,
@@ -30,11 +37,20 @@ def write_page(
         air=twin.air,
         close=CLOSE,
         rms=found.rms,
+        rubber=(STIFF, LOADS, LOSS),
+        now=half_widths(found, found.covariance),
+        advice=advice(found, more["next"]),
+        groups=list(GROUPS),
+        next=more["next"],
+        coupled=more.get("coupled"),
+        compared="fitted" if held is None else "held-out",
         strokes=[
             {
                 "name": one.stroke.film.name,
                 "kind": kind,
                 "summary": one.summary(),
+                "motion": one.motion,
+                "drawn": one.drawn,
                 "film": _data_uri(_film(twin, one)),
                 "tip": _data_uri(_tip(one)),
             }

@@ -1,0 +1,77 @@
+"""The water's share from coupled runs of the fitted scene, which confirm or correct the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from pipeline.formats.elastic_motion import FILE, read_elastic_motion
+from pipeline.runs.run import open_run
+from pipeline.structure.finger import ElasticFinger
+from piv.files.atomic import write_text
+from piv.formats.user_tables import read_history
+from softfinger.make import Machine, make
+from softfinger.twin.fit import Fit, FloatArray, Parameter, fit
+from softfinger.twin.identify import Judged
+from softfinger.twin.model import DRAG, MASS, PRIORS, SMOOTHING, Motion, Stroke, Twin, tip_of
+
+LEAST_STD = 0.05  # of the water's coefficients: the errors of a coarse grid
+_NOISE_PX = 0.5  # a first guess
+
+
+def coupled(twin: Twin, folder: Path, level: str, stroke: Stroke, name: str) -> Motion:
+    """The coupled run of the scene in `folder` under a stroke's pressure, in out/`name`.
+
+    A log that begins before the film is followed from its beginning. StageError.
+    """
+    out = folder / "out" / name
+    t, p = read_history(stroke.pressure, "pressure", least=2)
+    begin = min(float(t[0]), 0.0)
+    log = folder / "out" / f"{name}.csv"
+    rows = (f"{a:.6g},{b:.6g}" for a, b in zip(t - begin, p, strict=True))
+    write_text(log, "\n".join(["t,p", *rows, ""]))
+    step = twin.scene.numerics.time_step
+    moved = {
+        "motion.source": "structure", "motion.strokes": [],
+        "motion.pressure_csv": str(log.resolve()), "motion.smoothing": SMOOTHING,
+        "motion.end_time": step * int((t[-1] - begin) / step),
+    }  # fmt: skip
+    run = open_run(folder, level, moved, out)
+    make(run, "solve", Machine())
+    motion = read_elastic_motion(out / FILE)
+    time, pressure, turned = (motion[key].values for key in ("time", "pressure", "delta"))
+    outlines = twin.outlines(ElasticFinger.of(run.scene), pressure, turned)
+    return time + begin - 0.5 * SMOOTHING, outlines  # as the averaged pressure lags
+
+
+def water(twin: Twin, values: dict[str, float], stroke: Stroke, run: Motion) -> Fit:
+    """Added mass and drag with which the chain moves as the coupled run of the same rubber did."""
+
+    def residuals(tried: dict[str, float]) -> list[FloatArray]:
+        time, outlines = twin.run(values | tried, stroke.pressure)
+        own = (time >= run[0][0]) & (time <= run[0][-1])
+        apart = outlines[own] - make_interp_spline(*run, k=1)(time[own])
+        return [(apart / twin.pose.pixel).reshape(len(apart), -1)]
+
+    # wide priors: the run tells them
+    asked = [Parameter(name, 1.0, 3 * PRIORS[name], "", ratio=True) for name in (MASS, DRAG)]
+    return fit(asked, residuals, _NOISE_PX)
+
+
+def corrected(found: Fit) -> dict[str, tuple[float, float]]:
+    """Priors of the water's coefficients by a coupled run: mean, relative standard deviation."""
+    widths = found.std * [one.std for one in found.parameters]
+    return {
+        name: (value, max(float(width), LEAST_STD))
+        for (name, value), width in zip(found.values().items(), widths, strict=True)
+    }
+
+
+def compared(twin: Twin, one: Judged, run: Motion) -> dict[str, float]:
+    """RMS distances of a coupled run's tip from those of film and chain, of the length."""
+    tip = tip_of(twin.at_pictures(one.values, one.stroke, run))
+    off = {name: tip - path for name, path in (("film", one.seen), ("chain", one.predicted))}
+    rms = {name: float(np.sqrt(np.mean(np.sum(path**2, axis=1)))) for name, path in off.items()}
+    return {name: value / twin.scene.finger.length for name, value in rms.items()}
