@@ -10,6 +10,7 @@ import numpy as np
 from piv.files.errors import StageError
 from softfinger.twin.fit import Fit, FloatArray, fit
 from softfinger.twin.model import (
+    CHAIN,
     DRAG,
     LOADS,
     LOSS,
@@ -17,6 +18,8 @@ from softfinger.twin.model import (
     START,
     START_STD,
     STIFF,
+    TILT_X,
+    TILT_Y,
     Stroke,
     Twin,
     direction,
@@ -27,6 +30,7 @@ CLOSE = 0.03  # of the length, of the tip's RMS: published twins reach 3 to 5 %
 _NOISE_PX = 1.0  # a first guess
 _EDGES = 3.0  # of an outline: both sides and the tip's end
 _TRIED, _DRAWS = 81, 100
+_BETTER = 0.98  # of the residuals: as good a fit is not another one
 _WIDE = np.log(1.1)  # of a band: what is not known within 10 % is named
 _SPEED = 0.01  # s over which the tip's speed is taken
 # whose uncertainty makes that of the motion
@@ -69,10 +73,31 @@ class Judged:
 def identified(twin: Twin, strokes: list[Stroke], first: Fit | None = None) -> Fit:
     """The fit of the twin's parameters to films of different names and their pressures.
 
-    `first`: one to begin from.
+    `first`: one to begin from. A silhouette is about as wide from either side of a slant, so that
+    a fit may end on the wrong one. The camera is fitted from each, then all from the better one.
     """
     asked = twin.parameters([stroke.film.name for stroke in strokes])
     start = None if first is None else first.z
+    found = fit(asked, lambda v: twin.residuals(v, strokes), _NOISE_PX, _EDGES, start)
+    of_camera = np.array([one.name not in CHAIN for one in asked])
+    camera = [one for one in asked if one.name not in CHAIN]
+    best, start = _BETTER * found.rms, None
+    for signs in ((-1, 1), (1, -1), (-1, -1)):
+        z = found.z.copy()
+        for name, sign in zip((TILT_X, TILT_Y), signs, strict=True):
+            z[[one.name for one in asked].index(name)] *= sign
+        seen = fit(
+            camera,
+            lambda v: twin.residuals(found.values() | v, strokes),
+            _NOISE_PX,
+            _EDGES,
+            z[of_camera],
+        )
+        if seen.rms < best:
+            best, start = seen.rms, z
+            start[of_camera] = seen.z
+    if start is None:
+        return found
     return fit(asked, lambda v: twin.residuals(v, strokes), _NOISE_PX, _EDGES, start)
 
 

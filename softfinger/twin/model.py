@@ -22,6 +22,7 @@ STIFF, LOADS, LOSS, MASS, DRAG = (
     "stiffness against pressure", "stiffness against loads over it", "loss factor",
     "added mass of the water", "drag of the water",
 )  # fmt: skip
+CHAIN = STIFF, LOADS, LOSS, MASS, DRAG  # all others are of the camera and its clock
 SCALE, ROOT_X, ROOT_Y, TURN, GROWTH = "scale", "root x", "root y", "turn", "growth of the outline"
 TILT_X, TILT_Y, AWAY = "slant along x", "slant along y", "distance of the camera"
 SHUTTER = "readout of a picture"  # from its first row to its last
@@ -114,7 +115,7 @@ class Twin:
 
     def run(self, values: dict[str, float], pressure: Path) -> Motion:
         """Times (s) on the pressure's clock and outlines (time, point, 2) m; StageError."""
-        key = (pressure, *(round(values.get(n, 1.0), 12) for n in (STIFF, LOADS, LOSS, MASS, DRAG)))
+        key = (pressure, *(round(values.get(n, 1.0), 12) for n in CHAIN))
         if key not in self._runs:
             self._runs[key] = self._computed(values, pressure)
             if len(self._runs) > _KEPT:

@@ -323,7 +323,7 @@ def test_one_more_film_narrows_what_it_shows(tmp_path):
 
 def test_the_waters_coefficients_follow_from_a_run_in_another_water(tmp_path):
     twin, log = twin_of(), tmp_path / "p.csv"
-    log.write_text(RISE)
+    log.write_text("".join(RISE.splitlines(keepends=True)[:16]))
     run = twin.run(priors() | {MASS: 1.2, DRAG: 0.7}, log)
     found = water(twin, priors(), Stroke(None, log), run).values()
     assert found[MASS] == pytest.approx(1.2, rel=1e-2)
@@ -348,8 +348,8 @@ def test_a_coupled_run_follows_the_films_pressure(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_phones_film_tells_the_rubber_and_a_steeper_view_is_named(tmp_path):
-    """A rubber 20 % stiffer than the data sheet's; the held-out stroke goes to another pressure."""
+def test_a_phones_film_tells_the_rubber(tmp_path):
+    """Held 8 degrees aslant, with rows read over 15 ms; the fit ended on the other side of it."""
     logs = [tmp_path / "a.csv", tmp_path / "b.csv"]
     logs[0].write_text(RISE)
     logs[1].write_text(RISE.replace("15000.0", "20000.0"))
