@@ -72,6 +72,7 @@ def identify(
     that of the film that is held out. A film begins at t = 0 of its pressure, within 40 ms.
     """
     from pipeline.fea.up_to_date import check_states
+    from pipeline.openfoam.environment import check_openfoam
     from pipeline.scene.scene import load_scene
     from piv.files.atomic import write_text
     from postprocess.lab.pose import Pose
@@ -96,6 +97,11 @@ def identify(
             " states, which are fitted; give a scene with motion.source = 'fea' or 'structure'"
         )
     check_states(loaded)
+    if confirm:  # what its runs would refuse after the fit
+        if air:
+            raise StageError("--confirm: a film in air has no water; leave out --confirm or --air")
+        load_scene(scene, confirm)
+        check_openfoam(1)
     target = output or scene.with_name(f"{scene.name}_twin")
     if (target / "scene.toml").exists():
         raise StageError(f"{target / 'scene.toml'}: exists already; give another --output")
@@ -108,8 +114,6 @@ def identify(
     for one in strokes:
         if one.film.unused:
             print(f"{one.film.name}: {one.film.unused} pictures after its pressure are not used")
-    if confirm and air:
-        raise StageError("--confirm: a film in air has no water to confirm; leave one of them out")
     to_fit = strokes[: len(film)]
     found = identified(twin, to_fit)
     _write_scene(target, scene, twin, found, film)

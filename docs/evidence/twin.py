@@ -45,13 +45,11 @@ TIPS = "held-out tip against the film", "held-out tip against the truth"  # RMS 
 RUBBER = STIFF, LOADS, LOSS
 SPLIT, END = 0.31, 0.6  # s: the second stroke begins, the run ends
 FINE, BANDS = 2, 6  # samples of a pixel's side; groups of rows that are read together
-SCENE = """extends = "{case}"
-[motion]
-strokes = [{{ pressure_kpa = {p1}, start = 0.01, duration = {d1} }},
-           {{ pressure_kpa = {p2}, start = {split}, duration = {d2} }}]
-end_time = {end}
-[structure]
-loss_factor = {loss}
+SCENE = f"""extends = "{CASE}"
+motion.strokes = [{{{{ pressure_kpa = {{p1}}, start = 0.01, duration = {{d1}} }}}},
+                  {{{{ pressure_kpa = {{p2}}, start = {SPLIT}, duration = {{d2}} }}}}]
+motion.end_time = {END}
+structure.loss_factor = {{loss}}
 """
 
 
@@ -78,12 +76,10 @@ def truth(seed: int, folder: Path, coupled: bool) -> tuple[Scene, FingerMotion]:
     """The scene of a seed in `folder`, and its motion over time (s)."""
     d = drawn(seed)
     (folder / "kinematics").mkdir(parents=True, exist_ok=True)
-    states = scaled(read(CASE / "kinematics" / "states.h5"), d["stiff"], d["loads"])
     if not (folder / "scene.toml").exists():
+        states = scaled(read(CASE / "kinematics" / "states.h5"), d["stiff"], d["loads"])
         write(folder / "kinematics" / "states.h5", states)
-        text = SCENE.format(case=CASE, split=SPLIT, end=END, **{k: d[k] for k in
-                            ("p1", "d1", "p2", "d2", "loss")})  # fmt: skip
-        (folder / "scene.toml").write_text(text, encoding="utf-8")
+        (folder / "scene.toml").write_text(SCENE.format(**d), encoding="utf-8")
     scene = load_scene(folder, "draft")
     finger, path = ElasticFinger.of(scene), folder / "out" / "draft" / "coupled" / FILE
     if coupled:
@@ -100,11 +96,10 @@ def truth(seed: int, folder: Path, coupled: bool) -> tuple[Scene, FingerMotion]:
     return scene, finger_motion(scene.motion, scene.finger, None, folder, shapes)
 
 
-def turned(aside: float, up: float, roll: float) -> np.ndarray:
+def turned(slant: tuple[float, float], roll: float) -> np.ndarray:
     """The finger's axes (3, 3) as a camera sees them that is slanted and rolled, rad."""
-    about = [0, 0, roll], [up, 0, 0], [0, aside, 0]
-    one, two, three = (cv2.Rodrigues(np.array(axis, float))[0] for axis in about)
-    return np.asarray(one @ two @ three)
+    about = ([0, 0, roll], [slant[1], 0, 0], [0, slant[0], 0])
+    return np.linalg.multi_dot([cv2.Rodrigues(np.array(axis, float))[0] for axis in about])
 
 
 class Camera:
@@ -112,7 +107,7 @@ class Camera:
 
     def __init__(self, seed: int, root: np.ndarray, width: float) -> None:
         self.d, self.rng, self.half = drawn(seed), np.random.default_rng([56, seed]), 0.5 * width
-        self.turn, self.root = turned(*self.d["tilt"], self.d["turn"]), root
+        self.turn, self.root = turned(self.d["tilt"], self.d["turn"]), root
         self.target = root + np.array([0.015, -0.035])  # the middle of the picture
         wall = ndimage.gaussian_filter(self.rng.normal(size=SIZE), 2.0)
         across = np.linspace(-1, 1, SIZE[1]) * self.rng.uniform(-25, 25)
@@ -146,9 +141,8 @@ class Camera:
                 sharp[first:last] += body[first:last] / 3
         light = self.wall + sharp * (55 - self.wall)
         seen = cv2.GaussianBlur(light, (0, 0), self.d["blur"])
-        return np.clip(np.rint(seen + self.rng.normal(0, self.d["noise"], SIZE)), 0, 255).astype(
-            np.uint8
-        )
+        seen += self.rng.normal(0, self.d["noise"], SIZE)
+        return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
 
     def _body(self, outline: np.ndarray) -> np.ndarray:
         """Share (row, column) of each pixel that the finger or its holder hides."""
@@ -156,18 +150,14 @@ class Camera:
         holder = self.root + 1e-3 * np.array([[-12, 4], [12, 4], [12, 100], [-12, 100]])
         for shape in (outline, holder):
             for depth in np.linspace(-self.half, self.half, 9):
-                corners = np.rint(16 * (FINE * (self.sees(shape, depth) + 0.5) - 0.5)).astype(
-                    np.int32
-                )
-                cv2.fillPoly(mask, [corners], 255, shift=4)
+                corners = 16 * (FINE * (self.sees(shape, depth) + 0.5) - 0.5)
+                cv2.fillPoly(mask, [np.rint(corners).astype(np.int32)], 255, shift=4)
         return cv2.resize(mask, SIZE[::-1], interpolation=cv2.INTER_AREA).astype(np.float32) / 255
 
 
-def filmed(
-    folder: Path, camera: Camera, outline: Any, law: Any, begin: float, end: float, k: int
-) -> None:
-    """A film of `begin` to `end` (s) of the run, and its pressure log beside it."""
-    d, rate = camera.d, camera.d["rate"]
+def filmed(folder: Path, camera: Camera, outline: Any, law: Any, k: int) -> None:
+    """A film of stroke `k`, and its pressure log beside it."""
+    d, rate, (begin, end) = camera.d, camera.d["rate"], ((0.0, SPLIT), (SPLIT, END))[k]
     folder.mkdir(parents=True)
     for n in range(int((end - begin - 0.025) * rate)):
         cv2.imwrite(str(folder / f"f{n:04d}.png"), camera.picture(outline, begin + n / rate))
@@ -185,8 +175,8 @@ def blind(seed: int, folder: Path, coupled: bool) -> dict[str, Any]:
     law, (scale, root) = ElasticFinger.of(scene).chambers, camera.stated()
     with tempfile.TemporaryDirectory() as name:
         films = [Path(name) / "fitted", Path(name) / "held"]
-        for k, (film, span) in enumerate(zip(films, ((0.0, SPLIT), (SPLIT, END)), strict=True)):
-            filmed(film, camera, motion.outline, law, *span, k)
+        for k, film in enumerate(films):
+            filmed(film, camera, motion.outline, law, k)
         found = identify(
             CASE, film=films[:1], hold_out=films[1], scale=scale, root=root, rate=d["rate"],
             pressure=[film.with_suffix(".csv") for film in films], output=Path(name) / "twin",
@@ -198,53 +188,47 @@ def blind(seed: int, folder: Path, coupled: bool) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "coupled": coupled, "phone": d["phone"]}
     for one in about["parameters"]:
         if (name := one["name"]) in known:
-            (low, high), true = one["band"], known[name]
-            row |= {name: one["value"], f"{name}, truth": true, f"{name}, low": low}
-            row |= {f"{name}, high": high, f"{name}, held": bool(low <= true <= high)}
+            row |= {name: one["value"], f"{name}, truth": known[name]}
+            row |= dict(zip((f"{name}, low", f"{name}, high"), one["band"], strict=True))
             row[f"{name}, warned"] = any(name in text for text in about["warnings"])
     held = about["held_out"]["held"]
     tip = np.array([motion.to_tank(motion.shapes.tip(SPLIT + t)[0]) for t in held["times"]])
     off = np.hypot(*(tip - held["tip"]).T) / scene.finger.length
-    errors = held["tip_rms_of_length"], float(np.sqrt(np.mean(off**2)))
-    return row | dict(zip(TIPS, errors, strict=True))
+    return row | {TIPS[0]: held["tip_rms_of_length"], TIPS[1]: float(np.sqrt(np.mean(off**2)))}
 
 
 def counts(table: pd.DataFrame) -> str:
     """What the targets ask of a table of rows."""
-    names = [name.removesuffix(", held") for name in table if name.endswith(", held")]
-    lines = [f"{len(table)} fingers, {int(table['coupled'].sum())} of coupled runs"]
+    lines, every = [f"{len(table)} fingers"], []
     for tip in TIPS:
         within, most = np.mean(table[tip] < CLOSE), table[tip].max()
         lines.append(f"{tip}: {within:.0%} within {CLOSE:.0%}, largest {most:.2%}")
-    for name in names:
-        held, warned = (table[f"{name}, {what}"].astype(bool) for what in ("held", "warned"))
-        off = np.abs(table[name] / table[f"{name}, truth"] - 1) > 0.1
-        more = f", {(off & ~warned).sum()} off by more than 10 % unwarned" if name in RUBBER else ""
-        lines.append(f"{name}: {held.mean():.0%} of the bands hold{more}")
-    every = np.mean([table[f"{name}, held"].astype(bool).mean() for name in names])
-    return "\n".join([*lines, f"all: {every:.0%} of the bands hold"])
+    for name in (STIFF, LOADS, LOSS, SCALE, START.format("fitted")):
+        true, (low, high) = (
+            table[f"{name}, truth"],
+            (table[f"{name}, {k}"] for k in ("low", "high")),
+        )
+        off = (np.abs(table[name] / true - 1) > 0.1) & ~table[f"{name}, warned"].astype(bool)
+        every.append(float(true.between(low, high).mean()))
+        more = f", {off.sum()} off by more than 10 % unwarned" if name in RUBBER else ""
+        lines.append(f"{name}: {every[-1]:.0%} of the bands hold{more}")
+    return "\n".join([*lines, f"all: {np.mean(every):.0%} of the bands hold"])
 
 
 def main() -> None:
     """Draw, film and identify fingers, or print the counts of those that were."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description="blind fingers for the twin")
     parser.add_argument("seeds", nargs="*", type=int, help="first, and the one after the last")
-    parser.add_argument(
-        "--coupled", action="store_true", help="the truth is a coupled run at draft"
-    )
-    parser.add_argument("--table", type=Path, default=TABLE)
-    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "twin_blind")
+    parser.add_argument("--coupled", action="store_true", help="coupled runs at draft")
+    parser.add_argument("--folder", type=Path, default=Path("twin_blind"), help="of the runs")
     asked = parser.parse_args()
-    rows = pd.read_csv(asked.table).to_dict("records") if asked.table.exists() else []
+    table = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame({"seed": []})
     for seed in range(*asked.seeds) if asked.seeds else ():
-        rows = [row for row in rows if row["seed"] != seed]
-        rows.append(blind(seed, asked.folder / f"f{seed}", asked.coupled))
-        pd.DataFrame(rows).sort_values("seed").to_csv(asked.table, index=False, float_format="%.5g")
-    table = pd.DataFrame(rows)
-    print(counts(table))
-    print(counts(table[table["coupled"].astype(bool)]))
+        row = blind(seed, asked.folder / f"f{seed}", asked.coupled)
+        table = pd.concat([table[table["seed"] != seed], pd.DataFrame([row])])
+        table.sort_values("seed").to_csv(TABLE, index=False, float_format="%.5g")
+    for coupled, part in table.groupby("coupled"):
+        print(f"coupled runs: {coupled}\n{counts(part)}")
 
 
 if __name__ == "__main__":

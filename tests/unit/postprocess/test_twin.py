@@ -114,7 +114,7 @@ def camera(**more):
         "noise": 4.0,
     }
     seen.d |= still | {"seeding": 5.0, "exposure": 0.0, "root": np.zeros(2), "scale": 0.0} | more
-    seen.turn = turned(*seen.d["tilt"], seen.d["turn"])
+    seen.turn = turned(seen.d["tilt"], seen.d["turn"])
     return seen
 
 
@@ -166,6 +166,8 @@ def asked(folder, more):
         (lambda _: {"scale": -MM}, "--scale -0.25: give mm per pixel"),
         (lambda _: {"scale": np.nan}, "--scale nan: give mm per pixel"),
         (lambda _: {"root": "1.2.3,4"}, "give column and row of the root's middle"),
+        (lambda _: {"confirm": "drft"}, "no level 'drft'"),
+        (lambda _: {"confirm": "draft", "air": True}, "a film in air has no water"),
         (lambda p: {"hold_out": p / "a", "pressure": [p / "p.csv"] * 2}, "two films have this nam"),
         (lambda p: {"hold_out": p / "c", "pressure": [p / "p.csv"] * 2}, "films of different size"),
     ],
