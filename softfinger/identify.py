@@ -49,6 +49,18 @@ def _different_names(films: list[Path]) -> None:
         raise StageError(f"{twice}: two films have this name; rename one, or give another")
 
 
+def _confirmable(scene: Path, level: str, air: bool) -> None:
+    """Raise StageError for what the runs of --confirm would refuse after the fit."""
+    from pipeline.openfoam.environment import check_openfoam
+    from pipeline.scene.scene import load_scene
+
+    if level and air:
+        raise StageError("--confirm: a film in air has no water; leave out --confirm or --air")
+    if level:
+        load_scene(scene, level)
+        check_openfoam(1)
+
+
 def identify(
     scene: SceneFolder,
     *,
@@ -72,14 +84,13 @@ def identify(
     that of the film that is held out. A film begins at t = 0 of its pressure, within 40 ms.
     """
     from pipeline.fea.up_to_date import check_states
-    from pipeline.openfoam.environment import check_openfoam
     from pipeline.scene.scene import load_scene
     from piv.files.atomic import write_text
     from postprocess.lab.pose import Pose
-    from softfinger.twin.advice import FOLDER, advice, advised
+    from softfinger.twin.advice import FOLDER, advised
     from softfinger.twin.confirm import compared, corrected, coupled, water
     from softfinger.twin.film import shape_of
-    from softfinger.twin.identify import identified, judged, record, warnings
+    from softfinger.twin.identify import identified, judged, record
     from softfinger.twin.model import Twin, read_stroke
     from softfinger.twin.page import write_page
 
@@ -97,11 +108,7 @@ def identify(
             " states, which are fitted; give a scene with motion.source = 'fea' or 'structure'"
         )
     check_states(loaded)
-    if confirm:  # what its runs would refuse after the fit
-        if air:
-            raise StageError("--confirm: a film in air has no water; leave out --confirm or --air")
-        load_scene(scene, confirm)
-        check_openfoam(1)
+    _confirmable(scene, confirm, air)
     target = output or scene.with_name(f"{scene.name}_twin")
     if (target / "scene.toml").exists():
         raise StageError(f"{target / 'scene.toml'}: exists already; give another --output")
@@ -134,6 +141,16 @@ def identify(
     about = json.dumps(record(found, fitted, held, more), indent=1)
     write_text(target / "identify.json", about + "\n")
     write_page(target / "identify.html", twin, found, fitted, held, more)
+    _say(found, more)
+    print(f"scene: {target}\nreport: {(target / 'identify.html').resolve()}")
+    return target
+
+
+def _say(found: "Fit", more: dict[str, Any]) -> None:
+    """Print what was found, as the page states it."""
+    from softfinger.twin.advice import advice
+    from softfinger.twin.identify import warnings
+
     for row in found.table():
         low, high = row["band"]
         doubt = "" if row["told"] else " (not determined by the films)"
@@ -141,11 +158,9 @@ def identify(
     for warning in warnings(found):
         print(f"warning: {warning}")
     print(f"outlines differ by {found.rms:.2f} px (RMS)")
-    if confirm:
+    if "coupled" in more:
         print(CONFIRMED.format(**more["coupled"]))
     print(f"next: {advice(found, more['next'])}")
-    print(f"scene: {target}\nreport: {(target / 'identify.html').resolve()}")
-    return target
 
 
 def _write_scene(target: Path, scene: Path, twin: "Twin", found: "Fit", film: list[Path]) -> None:
