@@ -164,8 +164,10 @@ class Twin:
         along = np.gradient(line, axis=1)
         dorsal = line - 1j * thick * along / np.abs(along)
         first = int(_UNSEEN * line.shape[1])
+        piece = finger.chain.arc[-1] / (line.shape[1] - 1)
+        last = -1 - int(np.ceil(self.scene.finger.tip.corner_radius / piece))  # round from there on
         tip = np.stack([(1 - w) * line[:, -1] + w * dorsal[:, -1] for w in _TIP], axis=1)
-        sides = line[:, first::_EVERY], tip, dorsal[:, first::_EVERY][:, ::-1]
+        sides = line[:, first:last:_EVERY], tip, dorsal[:, first:last:_EVERY][:, ::-1]
         points = np.concatenate(sides, axis=1)
         edge = -0.5j * finger.chain.thickness(np.zeros(1))[0, 0]
         local = np.stack([(points - edge).real, (points - edge).imag], axis=-1)
