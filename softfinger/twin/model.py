@@ -31,8 +31,9 @@ _STEPS = 60  # of the first vibration
 _MOST_STEPS = 1500
 _KEPT = 100  # runs in memory, of 2 MB at most; the slopes of four films need half of them
 _UNSEEN = 0.1  # of the length, from the root on: the holder may hide it
+_CORNER = 0.04  # of the length, to the tip's end: a finger with a width has no sharp corner there
 _EVERY = 3  # of the profile's points
-_TIP = (0.25, 0.5, 0.75)  # of the thickness: points of the tip's end
+_TIP = (0.35, 0.5, 0.65)  # of the thickness: points of the tip's end
 _BESIDE = 4  # points from the tip's middle to those of the sides that place it
 # standard deviations of the priors; of the root in m
 PRIORS = {STIFF: 0.3, LOADS: 0.1, LOSS: 0.7, MASS: 0.15, DRAG: 0.25, SCALE: 0.02}
@@ -165,7 +166,8 @@ class Twin:
         dorsal = line - 1j * thick * along / np.abs(along)
         first = int(_UNSEEN * line.shape[1])
         piece = finger.chain.arc[-1] / (line.shape[1] - 1)
-        last = -1 - int(np.ceil(self.scene.finger.tip.corner_radius / piece))  # round from there on
+        round_ = self.scene.finger.tip.corner_radius + _CORNER * finger.chain.arc[-1]
+        last = -1 - int(np.ceil(round_ / piece))
         tip = np.stack([(1 - w) * line[:, -1] + w * dorsal[:, -1] for w in _TIP], axis=1)
         sides = line[:, first:last:_EVERY], tip, dorsal[:, first:last:_EVERY][:, ::-1]
         points = np.concatenate(sides, axis=1)
