@@ -278,8 +278,10 @@ def direction(outlines: FloatArray) -> FloatArray:
 
 
 def outward(outlines: FloatArray) -> FloatArray:
-    """Unit normals (time, point, 2) out of outlines (time, point, 2) from root to root."""
-    along = np.gradient(outlines, axis=1)
+    """Unit normals (time, point, 2) out of outlines (time, point, 2): of sides and tip each."""
+    middle = outlines.shape[1] // 2
+    parts = np.split(outlines, [middle - len(_TIP) // 2, middle + len(_TIP) // 2 + 1], axis=1)
+    along = np.concatenate([np.gradient(part, axis=1) for part in parts], axis=1)
     across = np.stack([along[..., 1], -along[..., 0]], axis=-1)
     across /= np.maximum(np.hypot(*np.moveaxis(across, -1, 0)), 1e-9)[..., None]
     side = np.sum(across[:, 0] * (outlines[:, 0] - outlines[:, -1]), axis=-1)
