@@ -14,8 +14,18 @@ from piv.files.atomic import write_text
 from piv.formats.user_tables import read_history
 from softfinger.make import Machine, make
 from softfinger.twin.fit import Fit, FloatArray, Parameter, fit
-from softfinger.twin.identify import Judged
-from softfinger.twin.model import DRAG, MASS, PRIORS, SMOOTHING, Motion, Stroke, Twin, tip_of
+from softfinger.twin.identify import Judged, best_start
+from softfinger.twin.model import (
+    DRAG,
+    MASS,
+    PRIORS,
+    SMOOTHING,
+    START,
+    Motion,
+    Stroke,
+    Twin,
+    tip_of,
+)
 
 LEAST_STD = 0.05  # of the water's coefficients: the errors of a coarse grid
 _NOISE_PX = 0.5  # a first guess
@@ -70,8 +80,16 @@ def corrected(found: Fit) -> dict[str, tuple[float, float]]:
 
 
 def compared(twin: Twin, one: Judged, run: Motion) -> dict[str, float]:
-    """RMS distances of a coupled run's tip from those of film and chain, of the length."""
-    tip = tip_of(twin.at_pictures(one.values, one.stroke, run))
-    off = {name: tip - path for name, path in (("film", one.seen), ("chain", one.predicted))}
+    """RMS distances of a coupled run's tip from those of film and chain, of the length.
+
+    From the film's with the start that suits the run best.
+    """
+    start = START.format(one.stroke.film.name)
+    own = one.values | {start: best_start(twin, one.values, one.stroke, run)}
+    seen = twin.seen_tips(own, one.stroke, run)
+    off = {
+        "film": tip_of(twin.at_pictures(own, one.stroke, run)) - seen,
+        "chain": tip_of(twin.at_pictures(one.values, one.stroke, run)) - one.predicted,
+    }
     rms = {name: float(np.sqrt(np.mean(np.sum(path**2, axis=1)))) for name, path in off.items()}
     return {name: value / twin.scene.finger.length for name, value in rms.items()}

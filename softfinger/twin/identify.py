@@ -20,6 +20,7 @@ from softfinger.twin.model import (
     STIFF,
     TILT_X,
     TILT_Y,
+    Motion,
     Stroke,
     Twin,
     direction,
@@ -108,9 +109,7 @@ def judged(twin: Twin, found: Fit, stroke: Stroke) -> Judged:
     """
     start, values = START.format(stroke.film.name), found.values()
     if start not in values:
-        starts = START_STD * np.linspace(-3, 3, _TRIED)
-        off = [np.mean(twin.residuals(values | {start: s}, [stroke])[0] ** 2) for s in starts]
-        values |= {start: float(starts[int(np.argmin(off))])}
+        values |= {start: best_start(twin, values, stroke)}
     predicted = tip_of(twin.at_pictures(values, stroke))
     seen = twin.seen_tips(values, stroke)
     drawn, paths, others = [], [], []
@@ -132,6 +131,19 @@ def judged(twin: Twin, found: Fit, stroke: Stroke) -> Judged:
         for name, column in zip(own, columns, strict=True)
     ]
     return Judged(stroke, values, seen, predicted, low, high, error, motion, len(drawn))
+
+
+def best_start(
+    twin: Twin, values: dict[str, float], stroke: Stroke, motion: Motion | None = None
+) -> float:
+    """The start (s) of a film on its pressure's clock that suits the model, or another motion."""
+    start = START.format(stroke.film.name)
+
+    def off(tried: float) -> float:
+        placed = twin.at_pictures(values | {start: tried}, stroke, motion)
+        return float(np.mean(stroke.film.at(twin.posed(values, placed)) ** 2))
+
+    return float(min(START_STD * np.linspace(-3, 3, _TRIED), key=off))
 
 
 def quantities(twin: Twin, values: dict[str, float], stroke: Stroke) -> dict[str, float]:

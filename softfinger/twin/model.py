@@ -233,12 +233,14 @@ class Twin:
         """Of each film the distances (frame, point) px of the predicted from the seen outline."""
         return [stroke.film.at(self.seen(values, stroke)) for stroke in strokes]
 
-    def seen_tips(self, values: dict[str, float], stroke: Stroke) -> FloatArray:
+    def seen_tips(
+        self, values: dict[str, float], stroke: Stroke, motion: Motion | None = None
+    ) -> FloatArray:
         """Tip (frame, 2) m that each picture shows: the predicted one, moved to the silhouette.
 
         To first order, by the distances of the silhouette from the end and from both sides there.
         """
-        placed = self.at_pictures(values, stroke)
+        placed = self.at_pictures(values, stroke, motion)
         outlines = self.posed(values, placed)
         off = stroke.film.at(outlines)[..., None]
         middle = outlines.shape[1] // 2

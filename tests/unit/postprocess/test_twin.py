@@ -17,10 +17,10 @@ from piv.images.open_recording import open_recording
 from postprocess.lab.pose import Pose
 from softfinger.identify import identify
 from softfinger.twin.advice import with_film
-from softfinger.twin.confirm import coupled, water
+from softfinger.twin.confirm import compared, coupled, water
 from softfinger.twin.film import Film, film_times, read_film
 from softfinger.twin.fit import BAND, Fit, Parameter, fit, independent_share
-from softfinger.twin.identify import shares, warnings
+from softfinger.twin.identify import Judged, shares, warnings
 from softfinger.twin.model import (
     AWAY,
     DRAG,
@@ -195,16 +195,16 @@ def priors(*names):
 def test_a_film_ends_with_its_pressure_and_begins_on_its_clock(tmp_path):
     twin, log = twin_of(), tmp_path / "p.csv"
     log.write_text(RISE)
-    filmed(tmp_path / "a", priors("a"), log, count=40)
-    assert read_stroke(twin, tmp_path / "a", log, 100.0).film.unused == 8  # of 0.39 s after 0.31 s
+    filmed(tmp_path / "a", priors("a"), log, count=10, rate=25.0)
+    assert read_stroke(twin, tmp_path / "a", log, 25.0).film.unused == 2  # of 0.36 s after 0.31 s
     log.write_text("t,p\n5,0\n5.1,9000\n5.2,9000\n")
     with pytest.raises(
-        StageError, match=r"times from 5 to 5\.2 s, .* from 0 to 0\.39 s; the film beg"
+        StageError, match=r"times from 5 to 5\.2 s, .* from 0 to 0\.36 s; the film beg"
     ):
-        read_stroke(twin, tmp_path / "a", log, 100.0)
+        read_stroke(twin, tmp_path / "a", log, 25.0)
     log.write_text("t,p\n-5,0\n-4.9,9000\n-4.8,9000\n")
     with pytest.raises(StageError, match=r"times from -5 to -4\.8 s"):
-        read_stroke(twin, tmp_path / "a", log, 100.0)
+        read_stroke(twin, tmp_path / "a", log, 25.0)
 
 
 def test_a_log_that_begins_before_its_film_moves_the_finger_before_it(tmp_path):
@@ -330,6 +330,25 @@ def test_the_waters_coefficients_follow_from_a_run_in_another_water(tmp_path):
     found = water(twin, priors(), Stroke(None, log), run).values()
     assert found[MASS] == pytest.approx(1.2, rel=1e-2)
     assert found[DRAG] == pytest.approx(0.7, rel=1e-2)
+
+
+def test_a_coupled_run_is_compared_with_the_film_at_a_start_of_its_own(tmp_path):
+    """Its distance to a film of itself was that of a start which suits the chain."""
+    twin, log = twin_of(), tmp_path / "p.csv"
+    log.write_text(RISE)
+    water_of_run = priors("a") | {MASS: 1.3, DRAG: 1.5, START.format("a"): 0.012}
+    root = camera().stated()[1]
+    filmed(tmp_path / "a", water_of_run, log, count=12, rate=40.0)
+    x, y_down = (float(v) for v in root.split(","))
+    twin = replace(twin, pose=replace(twin.pose, at_px=(x, SIZE[0] - 1 - y_down)))
+    stroke = read_stroke(twin, tmp_path / "a", log, 40.0)
+    values = priors("a") | {AWAY: 0.8, START.format("a"): -0.01}
+    predicted = tip_of(twin.at_pictures(values, stroke))
+    seen = twin.seen_tips(values, stroke)
+    one = Judged(stroke, values, seen, predicted, seen, seen, seen[:, 0], [], 0)
+    apart = compared(twin, one, twin.run(water_of_run, log))
+    assert apart["film"] < 0.005  # of the length: half a pixel is 0.002
+    assert apart["chain"] > 0.02
 
 
 @pytest.mark.openfoam
