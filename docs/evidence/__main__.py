@@ -69,6 +69,10 @@ PARTS = {
     "piv": Part(tuple((*_PY, "docs.evidence.piv", name) for name in _OWN_PIV)),
     "fig-9": Part(((*_PY, "docs.evidence.air_and_water"),)),
     "park": Part(((*_PY, "docs.evidence.park"),)),
+    "twin": Part(
+        ((*_PY, "docs.evidence.twin", "1", "11", "--coupled"),
+         (*_PY, "docs.evidence.twin", "207", "225")),
+    ),
     "docs": Part((("make", "docs"),), ("tradeoff", "checks", "stability", "drawn", "coupling")),
 }  # fmt: skip
 
