@@ -28,7 +28,7 @@ from softfinger.twin.model import (
 )
 
 LEAST_STD = 0.05  # of the water's coefficients: the errors of a coarse grid
-_NOISE_PX = 0.5  # a first guess
+_NOISE_PX = 0.1  # no camera blurs it
 
 
 def coupled(twin: Twin, folder: Path, level: str, stroke: Stroke, name: str) -> Motion:
