@@ -233,8 +233,12 @@ def _quantity(
     ]
     changes, moved = of_recorded_motion(case), None
     if changes:
-        parts = [change.loc[rows, columns].mean().to_numpy(float) for change in changes]
-        moved, std = np.sum(parts, axis=0), LINEAR * np.linalg.norm(parts, axis=0)
+        parts = [change.loc[rows, columns].to_numpy(float) for change in changes]
+        means, alone = [part.mean(axis=0) for part in parts], np.zeros(len(columns))
+        # a vortex of single instants scatters, and each change has that of two
+        noise = [excess_scatter(times, part, alone) / np.sqrt(times.size) for part in parts]
+        moved = np.sum(means, axis=0)
+        std = np.linalg.norm([*(LINEAR * mean for mean in means), *noise], axis=0)
         sources.append(Source("correction", "input", std, "of what bend and duration change"))
     if (level := level_std(case, name, times, scale)) > 0:
         std = np.full(len(columns), level / np.sqrt(len(columns)))
