@@ -134,7 +134,7 @@ def test_settings_of_another_scene_hold_for_one_like_it_alone(tmp_path):
             rf"softfinger tradeoff \S+/{name} --only smoke,draft,coarse, about [\d.]+ (h|min) of"
         )
         assert re.search(short, str(error.value))
-        assert re.search(rf"softfinger tradeoff \S+/{name}, about [\d.]+ h", str(error.value))
+        assert re.search(rf"softfinger tradeoff \S+/{name}, about [\d.]+ (h|min)", str(error.value))
     assert study_table(like) == SINGLE / "studies" / "tradeoff.csv"
 
 
