@@ -3,6 +3,8 @@
 Values outside the window are wild, and no two of mean, median, RMS and maximum agree.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -120,7 +122,7 @@ def integrals():
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-CLOCK = Clock(TIME, TIME, TIME, 0.02 - 0.03 * TIME, residual_gap=0.001, starts=(0.0, 0.15))
+CLOCK = Clock(TIME, TIME, TIME, 0.02 - 0.03 * TIME, residual_gap=0.001, starts=(0.0, 0.15, 0.6))
 TWO = two_fingers().assign_attrs(tip_width=WIDTH)
 PLANES = {"cfd": one_finger().assign_attrs(tip_width=WIDTH), "pinch": TWO}
 EVIDENCE = Evidence(
@@ -172,3 +174,15 @@ def test_a_quantity_gives_the_answer_that_follows_by_hand(name):
     assert measured == (answer if isinstance(answer, str) else pytest.approx(answer, rel=1e-9))
     known = QUANTITIES[name].known
     assert (known and known(part)) == KNOWN.get(name)
+
+
+def test_a_vortex_without_another_near_the_tip_has_no_rival():
+    alone = replace(EVIDENCE, vortices={"cfd": CFD[CFD["track"] == 1]})
+    assert QUANTITIES["rival_fraction"].measure(Part(alone, "cfd", WINDOW)) == 0.0
+
+
+def test_without_strokes_the_trace_begins_with_the_run():
+    """At 0.1 s the finger was in two more columns, where the water rises."""
+    early = replace(EVIDENCE, clock=replace(CLOCK, starts=()))
+    share = QUANTITIES["trace_upward_share"].measure(Part(early, "cfd", WINDOW))
+    assert share == pytest.approx((2 + 4 * 3) / (2 + 4 * 4))  # at 0.2 s, and at four instants

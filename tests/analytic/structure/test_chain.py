@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from pipeline.formats.bending_states import read
 from pipeline.kinematics.pressure_law import stroke_law
-from pipeline.structure.chain import RUBBER, Chain, placed
+from pipeline.structure.chain import GAP, MIDDLE, RUBBER, Chain, placed
 from pipeline.structure.energy import energies, open_share
 from pipeline.structure.motion import Surroundings, at_rest, motion
 from tests.analytic.structure.beams import beam
@@ -55,6 +55,19 @@ def test_without_load_it_is_the_shape_of_the_bending_analysis():
     delta = np.array([at_rest(chain, p, Surroundings(), loads) for p in STATES.pressure])
     line = chain.profile(STATES.pressure, delta)
     np.testing.assert_allclose(line, STATES.profile - STATES.profile[:, :1], atol=1e-9)
+
+
+def test_a_slice_begins_at_the_clamp_and_its_content_lies_where_its_section_does():
+    """Rubber in the ventral half, water in the dorsal one; a seventh of the length is clamped."""
+    half, seventh = 0.5 * WIDTH * HEIGHT, LENGTH / 7
+    chain = straight(70, rubber_section=half, rubber_height=HEIGHT / 4, clamped_length=seventh)
+    content = chain.unloaded(np.zeros(1)).content[0]
+    assert chain.arc[chain.joints[0]] == pytest.approx(seventh)
+    for part, height in ((RUBBER, 1 / 4), (GAP, 3 / 4), (MIDDLE, 1 / 2)):
+        assert -content[part].imag == pytest.approx(np.full(chain.slices, height * HEIGHT))
+    assert content[GAP].real == pytest.approx(0.5 * chain.lengths)
+    delta = np.linspace(0.1, 0.5, chain.slices)[None]
+    assert chain.bend(np.zeros(1), delta) == pytest.approx(delta[:, -1])
 
 
 def test_joints_and_profile_agree_under_load():

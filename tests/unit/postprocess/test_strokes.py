@@ -26,9 +26,10 @@ def test_rest_before_and_after_and_the_way_back_do_not_count():
     assert stroke_window(time, bend, (0.25, 1.0))[1] == 4.0
 
 
-def test_a_finger_that_does_not_bend_is_refused():
+@pytest.mark.parametrize("instants", [0, 5])
+def test_a_finger_that_does_not_bend_is_refused(instants):
     with pytest.raises(ValueError, match="does not move"):
-        stroke_window(np.linspace(0, 1, 5), np.zeros(5), (0.25, 0.75))
+        stroke_window(np.linspace(0, 1, instants), np.zeros(instants), (0.25, 0.75))
 
 
 def test_peak_tip_speed_of_a_circular_motion():

@@ -1,13 +1,17 @@
 """Guards stop a run that goes wrong and no other."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import PPoly
 
 from pipeline.formats.records import LOSSES
+from pipeline.openfoam.displacement_files import Steps
 from pipeline.scene.predicted import estimated_cells
 from pipeline.scene.scene import load_scene
 from pipeline.solve.guards import (
@@ -18,7 +22,9 @@ from pipeline.solve.guards import (
     Guard,
     check_courant,
     energy_budget,
+    energy_from_nothing,
     force_change,
+    guard_of,
     power_warning,
     step_warning,
 )
@@ -63,6 +69,7 @@ def test_the_log_of_a_bad_step_gives_one_cause(changes, words):
 def test_a_missing_function_object_of_openfoam_stops_the_run():
     """OpenFOAM only warns; the forces would be missing at the end."""
     guard = Guard(10)
+    assert guard.time == 0.0  # for the message: before the first step
     cause = guard.verdict("Unknown function type forces\n")
     assert cause == "OpenFOAM has no function object forces"
     assert "install the whole" in guard.remedy
@@ -194,7 +201,7 @@ def test_unexplained_power_is_warned_of_and_then_refused():
     )
     assert power_warning(0.05, [smooth], 1e-3) == ""
     assert "6 % of the power" in power_warning(0.06, [smooth], 1e-3)
-    assert "lower numerics.time_step = 0.01" in power_warning(0.4, [sudden], 0.01)
+    assert "lower numerics.time_step = 0.01" in power_warning(0.4, [smooth, sudden], 0.01)
     with pytest.raises(StageError, match="16 % of the power that"):
         power_warning(0.16, [smooth], 1e-3)
 
@@ -208,6 +215,34 @@ def test_the_share_of_unexplained_power_is_of_what_is_exchanged():
     balance = power_balance(table, terms)
     assert balance["unexplained_share"] == pytest.approx(0.01 * np.pi / 2, rel=1e-2)  # trapezia
     assert abs(balance["unexplained_fraction"]) > 1  # of the net work
+
+
+def test_the_energy_of_a_whole_run_forgives_what_one_interval_forgives():
+    """Two computed parts; the wall of the second interval jumps at 1.5 s, its floor is 0.1 J."""
+    budgets = [Budget(0.0), Budget(0.1, lambda a, b: a < 1.5 < b)]
+    power = np.array([[1, 1, 1, 0], [2, 0, 3, 0], [3, 0, 3.3, 0], [4, 0, 4, 0]])
+    # of 1 J by the jump nothing counts; 0.3 J are less than 5 % of 3.3 J and both floors
+    assert energy_from_nothing(power[:3], budgets, 2) == pytest.approx(0.3 / 3.3)
+    with pytest.raises(StageError, match="stopped at 4 s by a guard: .* 1 J more"):
+        energy_from_nothing(power, budgets, 2)
+    assert energy_from_nothing(0 * power, budgets, 2) == 0.0
+
+
+def test_an_intervals_guard_knows_its_wall_within_the_interval_alone(tmp_path):
+    """From 0 s a square moves at 0.3 m/s. Its shapes before and after the interval are wild."""
+
+    def pressure(times):
+        return np.where(times < 0, 5.0, np.where(times > 0.0401, times * 1e3, 0.3 * times))
+
+    moved = np.repeat([[[1.0, 0.0]]], 4, axis=1)  # m of each node by the pressure
+    shape = PPoly(np.stack([moved, square()[None]]), [0.0, 1.0])
+    motion = SimpleNamespace(shape=shape, pressure=pressure)
+    mesh = SimpleNamespace(planform={"wall": xr.DataArray(np.arange(4))}, motion=motion)
+    steps = Steps.of(-2e-3, 40e-3, 1e-3)
+    fluid = load_scene(CASES / "single_finger", "smoke").fluid
+    guard = guard_of(tmp_path, mesh, steps, 20.0, 0.03, fluid)
+    energy = 0.5 * fluid.density * 0.3**2 * 0.02**2 * 0.03
+    assert guard.energy.budget.floor == pytest.approx(1e-3 * energy)
 
 
 def sampled(folder, rows, part="0"):
