@@ -5,6 +5,7 @@ python -m docs.evidence.pictures single_finger pinch    (the repository's root; 
 
 import json
 import os
+import subprocess
 import sys
 import tempfile
 from datetime import date
@@ -20,14 +21,16 @@ import pytest
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
-from docs.evidence import piv_pictures
+from docs.evidence.piv.turbulence_field import TurbulentPlane
+from docs.evidence.shared_data import shared_data
 from pipeline.formats.records import RUN
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import load_scene
 from piv.files.atomic import write_bytes
 from piv.files.command import guarded
 from piv.files.errors import StageError
-from piv.formats.plane_series import make_plane
+from piv.foreign.read import in_px
+from piv.formats.plane_series import make_plane, provenance, write_plane
 from piv.synthetic.camera import Camera, Seeding
 from piv.synthetic.virtual_camera import Recorder
 from piv.vortices.lamb_oseen_fit import lamb_oseen
@@ -44,6 +47,8 @@ SHOWN = {
     "single_finger": ("space_end.webp", "slices.webp", "pressure.webp"),
     "pinch": ("pair_dorsal.webp", "pair_ventral.webp"),
 }
+FRAMES = Path("docs/tutorials/frames").resolve()
+SETTINGS = "--window 24 --spacing 8 --rate 500 --scale-mm-per-px 0.1"
 
 
 def copy_figures(scene: str, level: str) -> None:
@@ -155,6 +160,49 @@ def of_tests(folder: Path) -> None:
         _copy(picture, DOCS / picture.stem)
 
 
+def piv(command: str, folder: Path) -> None:
+    """Run `piv COMMAND --quiet` in a folder."""
+    subprocess.run(
+        [sys.executable, "-m", "piv", *command.split(), "--quiet"], cwd=folder, check=True
+    )
+
+
+def tutorial(picture: Path, folder: Path) -> None:
+    """The tutorial's recording: masks, vectors `piv.h5`, vortices, picture."""
+    piv(f"mask {FRAMES} --dark -o masks", folder)
+    piv(f"correlate {FRAMES} -o piv.h5 --mask masks {SETTINGS}", folder)
+    piv("vortices piv.h5 -o vortices.csv", folder)
+    piv(f"plot piv.h5 --vortices vortices.csv -o {picture}", folder)
+
+
+def turbulence(picture: Path, folder: Path) -> None:
+    """Vortices of a plane of synthetic turbulence, vectors every 8 px."""
+    x, y = np.arange(0, 513, 8.0), np.arange(0, 513, 8.0)
+    u, v = TurbulentPlane(2.5, seed=1)(*np.meshgrid(x, y))
+    plane = in_px(make_plane(x, y, u, v), "frame")
+    write_plane(plane.assign_attrs(provenance()), folder / "turbulence.h5")
+    piv("vortices turbulence.h5 -o turbulence.csv", folder)
+    piv(f"plot turbulence.h5 --vortices turbulence.csv -o {picture}", folder)
+
+
+def karman(data: Path, picture: Path, folder: Path) -> None:
+    """Vortices of a recorded wake, from PIVlab's example images in `data`."""
+    frames = " ".join(f"{data}/pivlab_karman/PIVlab_Karman_0{k}.bmp" for k in (1, 2))
+    piv(f"correlate {frames} -o karman.h5", folder)
+    piv("vortices karman.h5 -o karman.csv", folder)
+    piv(f"plot karman.h5 --vortices karman.csv -o {picture}", folder)
+
+
+def of_piv(docs: Path) -> None:
+    """Pictures of PIV; that of the recorded wake where its images are (SHARED_DATA)."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        tutorial((docs / "tutorials/piv.png").resolve(), folder)
+        turbulence((docs / "vortices_turbulence.png").resolve(), folder)
+        if data := shared_data():
+            karman(data, (docs / "vortices_karman.png").resolve(), folder)
+
+
 def main() -> None:
     """Draw and copy all pictures."""
     for scene in sys.argv[1:]:
@@ -163,7 +211,7 @@ def main() -> None:
         copy_numbers(scene, level)
     tradeoff("single_finger")
     synthetic(DOCS / "synthetic.png")
-    piv_pictures.draw(DOCS)
+    of_piv(DOCS)
     with tempfile.TemporaryDirectory() as folder:
         of_tests(Path(folder))
 

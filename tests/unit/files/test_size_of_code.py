@@ -1,6 +1,7 @@
-"""Modules and functions stay small; ruff checks lines and complexity."""
+"""Folders, modules and functions stay small; ruff checks lines and complexity."""
 
 import ast
+from collections import Counter
 
 from tests.conftest import ROOT
 
@@ -30,3 +31,8 @@ def test_a_module_has_350_lines_and_a_function_80_at_most() -> None:
             if lines > 80:
                 large[f"{name}: {node.name}"] = lines
     assert large == {}
+
+
+def test_a_folder_has_16_modules_at_most() -> None:
+    folders = Counter(path.parent for part in PARTS for path in (ROOT / part).rglob("[!_]*.py"))
+    assert {str(folder): count for folder, count in folders.items() if count > 16} == {}

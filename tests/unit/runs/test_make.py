@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.formats.kinematics import read_kinematics
+from pipeline.runs.estimate import duration
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import load_scene
@@ -228,3 +229,10 @@ def test_a_case_that_another_clone_has_made_is_made_again(tmp_path):
     make(run, "case", Machine(), quiet=True)
     assert run.why_stale("case") is None
     assert "theirs" not in control.read_text()
+
+
+@pytest.mark.parametrize(
+    "seconds, text", [(6.2, "6 s"), (89, "89 s"), (600, "10 min"), (7200, "2.0 h")]
+)
+def test_times_are_in_the_unit_that_is_read(seconds, text) -> None:
+    assert duration(seconds) == text
