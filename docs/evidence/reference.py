@@ -6,32 +6,24 @@ python -m docs.evidence.reference
 import csv
 import io
 from collections.abc import Iterable
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
+import pipeline.formats
+import piv.formats
 from docs.evidence.small_scene import ROOT
-from pipeline.formats import (
-    bending_states,
-    elastic_motion,
-    finger_loads,
-    kinematics,
-    mesh_intervals,
-    recorded_motion,
-    records,
-)
+from pipeline.formats import records
 from pipeline.scene.key_reference import Key
 from pipeline.scene.read_toml import read_layers
 from piv.files.atomic import write_text
 from piv.files.json_text import flat
-from piv.formats import plane_series, recording, vortex_table
+from piv.files.schema import Schema
+from piv.formats import vortex_table
 from postprocess.lab.dpiv_toml import KEYS
 from softfinger.scene_reference import keys
 
 FOLDER = ROOT / "docs" / "reference"
-_MODULES = (
-    plane_series, recording, bending_states, kinematics, recorded_motion, mesh_intervals,
-    finger_loads, elastic_motion,
-)  # fmt: skip
-SCHEMAS = (*(module.SCHEMA for module in _MODULES), mesh_intervals.SWEEP)
 _TABLES = {
     "vortices_*.csv": ", ".join(vortex_table.COLUMNS),
     "run/forces.csv": records.FORCES.header,
@@ -44,10 +36,22 @@ _TABLES = {
 _OF_A_KEY = ("key", "type", "unit", "default", "meaning")
 
 
+def schemas() -> list[Schema]:
+    """All formats that the modules of the two folders of formats declare, by name."""
+    modules = (
+        import_module(f"{package.__name__}.{module.name}")
+        for package in (piv.formats, pipeline.formats)
+        for module in iter_modules(package.__path__)
+    )
+    declared = (value for module in modules for value in vars(module).values())
+    found = {value.format: value for value in declared if isinstance(value, Schema)}
+    return [found[name] for name in sorted(found)]
+
+
 def formats() -> str:
     """The variables and attributes of every format."""
     rows = []
-    for schema in SCHEMAS:
+    for schema in schemas():
         declared = [("", v) for v in schema.root] + [("<group>/", v) for v in schema.group]
         for place, v in declared:
             dims, meaning = "attribute" if v.dims == "-" else v.dims, "optional: " * v.optional

@@ -24,6 +24,13 @@ def sources_digest(module: str, root: Path = ROOT) -> str:
     Comments, docstrings and formatting do not count. Other files that the code reads, such as
     templates, count with the modules of their folder.
     """
+    parts = sources(module, root).items()
+    total = sorted((path.relative_to(root).as_posix(), part) for path, part in parts)
+    return hashlib.sha256(repr(total).encode()).hexdigest()[:16]
+
+
+def sources(module: str, root: Path = ROOT) -> dict[Path, str]:
+    """Digest of each file of which `sources_digest` is."""
     known = _known()
     before, parts, waiting = len(known), {}, [module]
     while waiting:
@@ -43,8 +50,7 @@ def sources_digest(module: str, root: Path = ROOT) -> str:
     if len(known) > before:
         with suppress(OSError):  # a tree that cannot be written to: it is parsed again
             write_text(_PARSED, json.dumps(known))
-    total = sorted((path.relative_to(root).as_posix(), part) for path, part in parts.items())
-    return hashlib.sha256(repr(total).encode()).hexdigest()[:16]
+    return parts
 
 
 @cache

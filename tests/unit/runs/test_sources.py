@@ -9,8 +9,8 @@ import pytest
 from docs.evidence.sources import present, recorded
 from pipeline.runs import run as runs
 from pipeline.runs.run import Run
-from pipeline.runs.sources import sources_digest
-from pipeline.runs.stages import BY_NAME
+from pipeline.runs.sources import sources, sources_digest
+from pipeline.runs.stages import BY_NAME, COUPLED
 from piv.files.record import write_record
 from tests.conftest import ROOT, write_scene
 
@@ -78,6 +78,14 @@ def test_a_doubled_formula_makes_the_comparison_stale(
     later = Run(run.scene)
     assert later.why_stale("compare") == "its code changed"
     assert later.why_stale("vortices_cfd") is None
+
+
+def test_stages_never_import_each_other() -> None:
+    """Files are the interface, so that a change of one stage makes no other stale."""
+    modules = {stage.module for stage in (*BY_NAME.values(), *COUPLED.values())}
+    files = {module: ROOT / f"{module.replace('.', '/')}.py" for module in modules}
+    for module in modules:
+        assert {*files.values()} & {*sources(module)} == {files[module]}, module
 
 
 def test_where_results_outlive_a_change_of_code_someone_has_looked() -> None:
