@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.formats.records import POWER_TERMS
 from pipeline.openfoam.polymesh_files import read_faces
-from pipeline.solve.power import face_terms, geometry_at, integrals
+from pipeline.solve.power import _boundary_velocity, _gradient, face_terms, geometry_at, integrals
 from tests.conftest import meshes_of, prepare, write_scene
 
 
@@ -34,6 +34,40 @@ def terms_of(mesh, gradient, pressure):
         mesh.centre[mesh.inner :] @ gradient,
         np.zeros(len(mesh.faces.owner)), np.full(cells, 2.0), "LUST",
     )  # fmt: skip
+
+
+def test_the_gradient_of_a_linear_flow_is_exact(mesh):
+    wanted = np.array([[1.0, 3.0, 0.5], [2.0, -1.0, 0.2], [0.0, 0.0, 0.0]])
+    flow = mesh.centre @ wanted
+    gradient = _gradient(mesh, flow[: mesh.inner], flow[mesh.inner :])
+    assert gradient == pytest.approx(np.tile(wanted, (len(mesh.volume), 1, 1)), abs=1e-9)
+
+
+def test_a_wall_that_slides_along_still_water_is_slowed_by_the_layer_of_cells(mesh):
+    """Couette flow between wall and cell: viscosity times area over distance, for 1 m/s."""
+    n, faces = mesh.inner, len(mesh.faces.owner)
+    still, on_wall = np.zeros((len(mesh.volume), 3)), np.zeros((faces - n, 3))
+    tank = mesh.faces.patches["tank"]
+    on_wall[tank.start - n : tank.stop - n, 0] = 1.0
+    viscosity = np.full(len(mesh.volume), 2.0)
+    terms = face_terms(mesh, still, 0 * viscosity, on_wall, np.zeros(faces), viscosity, "LUST")
+    size = np.linalg.norm(mesh.area[tank], axis=1)
+    apart = mesh.centre[tank] - mesh.cell_centre[mesh.faces.owner[tank]]
+    distance = np.abs((apart * mesh.area[tank]).sum(1)) / size
+    assert terms["viscous"].sum() == pytest.approx((2.0 * size / distance).sum(), rel=1e-9)
+
+
+def test_the_boundaries_have_the_velocity_of_their_conditions(mesh):
+    """The finger's own, none on the tank, and that of the water without what would leave it."""
+    n, patches = mesh.inner, mesh.faces.patches
+    water = np.tile([0.3, -0.2, 0.1], (len(mesh.volume), 1))
+    moving = np.tile([1.0, 2.0, 0.0], (len(mesh.faces.owner), 1))
+    given = _boundary_velocity(mesh, water, moving)
+    wanted = {"finger": [1, 2, 0], "tank": [0, 0, 0], "top": [0.3, 0, 0.1], "gap": [0.3, -0.2, 0.1]}
+    assert {"finger", "tank", "top"} <= patches.keys()
+    for name in wanted.keys() & patches.keys():
+        part = given[patches[name].start - n : patches[name].stop - n]
+        assert part == pytest.approx(np.tile(wanted[name], (len(part), 1)), abs=1e-12), name
 
 
 def test_viscosity_takes_the_square_of_the_gradient(mesh):

@@ -1,10 +1,12 @@
 """The water's force on a wall, from a sampled surface as OpenFOAM v1912 writes it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pipeline.openfoam.surface_vtk import wall_forces
-from pipeline.solve.power import finger_power
+from pipeline.solve.power import finger_power, power_rows
 
 DENSITY = 998.0  # kg/m³
 A, B, C = 0.02, 0.03, 0.05  # m, sides of a box
@@ -57,6 +59,21 @@ def test_pressure_pushes_inwards_and_shear_drags_along_with_the_water(tmp_path):
     assert moved == pytest.approx(velocity)
     # the wall moves along +y: it works against the water's force
     assert finger_power(path, DENSITY) == pytest.approx(-0.3 * wanted[:, 1].sum(), rel=1e-5)
+
+
+def test_the_table_of_powers_is_of_the_whole_tank(tmp_path):
+    """Two computed halves; 2 S:S = 2 |grad u|² − |curl u|², and half of the latter is sampled."""
+    samples = tmp_path / "postProcessing"
+    table = samples / "volumes" / "0" / "volFieldValue.dat"
+    surface = samples / "fingerSurface" / "0.25" / "finger.vtk"
+    for path in (table, surface):
+        path.parent.mkdir(parents=True)
+    table.write_text("# Time\n0.25 3e-4 5.0 2.0\n")
+    along = np.tile([0.0, 0.3, 0.0], (7, 1))
+    write_surface(surface, 1.0 + np.arange(7.0), np.zeros((7, 3)), along)
+    fluid = SimpleNamespace(density=DENSITY, kinematic_viscosity=1e-3)
+    wanted = 2 * np.array([0, finger_power(surface, DENSITY), DENSITY * 1.5e-4, DENSITY * 6e-3])
+    assert power_rows(tmp_path, fluid, 2) == pytest.approx(wanted[None] + [0.25, 0, 0, 0])
 
 
 def test_a_uniform_pressure_pushes_a_closed_wall_nowhere(tmp_path):

@@ -223,7 +223,7 @@ def test_the_energy_of_a_whole_run_forgives_what_one_interval_forgives():
     power = np.array([[1, 1, 1, 0], [2, 0, 3, 0], [3, 0, 3.3, 0], [4, 0, 4, 0]])
     # of 1 J by the jump nothing counts; 0.3 J are less than 5 % of 3.3 J and both floors
     assert energy_from_nothing(power[:3], budgets, 2) == pytest.approx(0.3 / 3.3)
-    with pytest.raises(StageError, match="stopped at 4 s by a guard: .* 1 J more"):
+    with pytest.raises(StageError, match=r"stopped at 4 s by a guard: .* 1 J more"):
         energy_from_nothing(power, budgets, 2)
     assert energy_from_nothing(0 * power, budgets, 2) == 0.0
 
