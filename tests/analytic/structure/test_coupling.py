@@ -121,6 +121,27 @@ def test_water_that_is_not_known_makes_a_mode_alternate_until_it_is_known(chain,
     assert history.first_order == list(range(history.first_order[0], 40))
 
 
+def test_a_mode_counts_from_a_fifth_of_the_waters_inertia_until_a_fiftieth(chain, water):
+    """By the second differences over eight steps; both halves of them must have ceased."""
+    history = Coupling(chain, STEP, AIR, PRESSURE)
+    history.inertia[..., :-1] = np.multiply.outer(np.where(np.arange(71) > 40, 1.1, 1.0), water)
+    steps, largest = np.arange(71) - 40, history._inertial_moment(40)
+
+    def first_order(share, growth, before):
+        """Whether an alternating rest counts, whose last second difference is such a share."""
+        last = largest / (1 + 1 / growth) ** 2 / chain.arc[chain.joints[-2]]
+        history.rest[:, -1, 1] = share * last * (-1.0) ** steps * growth**steps
+        history.first_order = before
+        history.choose_order(40)
+        return 40 in history.first_order
+
+    assert not first_order(0.19, 1.01, [])
+    assert first_order(0.21, 1.01, [])
+    # the earlier half begins seven steps before, with 4.8 times as much
+    assert first_order(0.03 / 0.8**-7, 0.8, [39])
+    assert not first_order(0.018 / 0.8**-7, 0.8, [39])
+
+
 def test_noise_at_the_start_is_no_mode(chain, water):
     """2e-6 N m, as at level draft, were more than a fifth of the largest load until then."""
     late = stroke_law(0.0, [(20e3, 0.06, 0.2)])(TIME)
