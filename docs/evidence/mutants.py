@@ -61,7 +61,7 @@ def mutate(node: Any) -> bool:
     elif (name := type(getattr(node, "op", None)).__name__) in _SWAPS:
         node.op = getattr(ast, _SWAPS[name])()
     elif isinstance(node, ast.Constant) and type(node.value) in (bool, int, float):
-        old = node.value
+        old: Any = node.value
         more = old + 1 if isinstance(old, int) else 2 * old or 1.0
         node.value = not old if isinstance(old, bool) else more
     elif getattr(node, "attr", "") in _SWAPS:
@@ -137,7 +137,8 @@ class Campaign:
     def install(self, top: ast.stmt, name: str, node: ast.AST) -> None:
         """Put the changed function or constant into the module, and wherever it was imported."""
         mutate(node)
-        target, old = self.module, dict(vars(self.module))
+        target: Any = self.module
+        old = dict(vars(target))
         codes = [compile(self.tree, self.file, "exec")]
         for code in codes:
             codes += [const for const in code.co_consts if isinstance(const, CodeType)]
@@ -155,7 +156,7 @@ class Campaign:
             for key, value in new.items():
                 if vars(other).get(key) is old[key]:
                     setattr(other, key, value)
-            compiled = [each for each in vars(other).values() if isinstance(each, Dispatcher)]
+            compiled: list[Any] = [v for v in vars(other).values() if isinstance(v, Dispatcher)]
             if mine & {id(each) for each in compiled}:  # Numba's files hold the old constants
                 for each in compiled:
                     each._cache = NullCache()

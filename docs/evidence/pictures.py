@@ -22,7 +22,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
 from docs.evidence.piv.turbulence_field import TurbulentPlane
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from pipeline.formats.records import RUN
 from pipeline.runs.stages import STAGES
 from pipeline.scene.scene import load_scene

@@ -1,5 +1,6 @@
-"""A scene of a few hundred cells, made from a shipped one, for tests and campaigns."""
+"""A small scene made from a shipped one, and public data, for tests and campaigns."""
 
+import os
 from pathlib import Path
 
 from pipeline.formats.kinematics import read_kinematics
@@ -38,3 +39,13 @@ def write_scene(
 def meshes_of(scene: Scene) -> list[IntervalMesh]:
     """Read the mesh and its motion of every interval of a scene's run."""
     return read_meshes(scene.out, read_kinematics(scene.out / "kinematics.h5").law)
+
+
+def shared_data() -> Path | None:
+    """Public recordings and fields of others: beside the repository, or as SHARED_DATA says."""
+    if "SHARED_DATA" in os.environ:
+        return Path(os.environ["SHARED_DATA"])
+    for parent in Path(__file__).resolve().parents:
+        if (parent / "shared" / "data").is_dir():
+            return parent / "shared" / "data"
+    return None

@@ -1,6 +1,6 @@
 """Public image pairs with published displacements, against the peers (make bench-piv).
 
-No setting was set on them. The shared data (shared_data.py) hold copies of the repositories
+No setting was set on them. The shared data (small_scene.py) hold copies of the repositories
 quenot/opflow, erizmr/UnLiteFlowNet-PIV and shengzesnail/PIV-LiteFlowNet-en in folders of the
 repositories' names; none of it may be passed on with the project.
 """
@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from docs.evidence.pages import libraries, write_study
 from docs.evidence.piv.scores import EDGE, absent, inner, joined, rms_of, speed, told
 from docs.evidence.piv.with_peers import OURS, PEER_NAMES, Pair, compared
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 
 QUENOT = "opflow/jeif98/synthetic"  # Quénot et al. 1998: two cylinders
 CAI = ("UnLiteFlowNet-PIV/sample_data", "PIV-LiteFlowNet-en/demos/testedData")  # Cai et al. 2019

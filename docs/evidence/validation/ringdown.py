@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from docs.evidence.validation.checks import Check, Result
 from pipeline.formats.bending_states import States
 from pipeline.structure.chain import Chain

@@ -1,9 +1,11 @@
 """The morph: exact derivatives, exact invariants, no inversion."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pipeline.geometry.quality import Quality, shape_quality
+from pipeline.geometry.quality import Quality, planform_edges, shape_quality
 from pipeline.mesh.morph import Morph, MorphError, corner_triangles
 from pipeline.mesh.planform import build_planform
 from pipeline.mesh.shape_sequence import ShapeSequence, morph_shapes
@@ -86,6 +88,38 @@ def test_the_mesh_never_inverts_and_an_impossible_move_says_so(planform):
     assert morph.is_valid(far)
     with pytest.raises(MorphError):  # through the tank's wall
         morph.follow(far, moved, 0.05, 0.1)
+
+
+def test_a_mesh_that_is_pursued_errs_to_second_order_in_the_move(planform):
+    """One Newton step: half of the move leaves a quarter of the error."""
+    morph = morph_of(planform)
+    relaxed = morph.relax(planform.nodes)
+    pursue, errors = morph.pursuit(relaxed), []
+    for angle in (0.02, 0.01):
+        target = relaxed.copy()
+        target[planform.wall] = outline_at(slab(angle), planform.material)
+        exact = morph.relax(morph.approach(relaxed, target))
+        errors.append(np.abs(pursue(relaxed, target) - exact).max())
+        slope = morph.derivatives(exact + 1e-5, exact=True)[0]
+        assert morph._slope(exact + 1e-5) == pytest.approx(slope, abs=1e-9 * np.abs(slope).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[0] < 0.02 * 0.03 * 0.02  # of the move of the slab's end
+
+
+@pytest.mark.parametrize("stretch", [1.0, 10.0])
+def test_the_quality_of_a_square_beside_a_trapezium(stretch):
+    """Centroids at (1, 1) and (28/9, 14/9): their line leaves the side's middle by 5/19."""
+    place = [[0, 0], [2, 0], [2, 2], [0, 2], [4, 0], [4, 4]]
+    nodes = np.array(place) * [stretch, 1.0]
+    quads, triangles = np.array([[0, 1, 2, 3], [1, 4, 5, 2]]), np.zeros((0, 3), int)
+    edges = planform_edges(triangles, quads)
+    assert sorted(map(tuple, np.sort(edges.nodes, axis=1))) == [
+        (0, 1), (0, 3), (1, 2), (1, 4), (2, 3), (2, 5), (4, 5)
+    ]  # fmt: skip
+    built = SimpleNamespace(triangles=triangles, quads=quads, nodes=nodes * [2.0, 1.0])
+    angle, span = np.degrees(np.arctan(5 / 19 / stretch)), np.hypot(19 / 9 * stretch, 5 / 9)
+    wanted = Quality(angle, angle, 5 / 19 / max(0.2 * span, 1.0), 0.5)
+    assert vars(shape_quality(built, nodes)) == pytest.approx(vars(wanted))
 
 
 def test_a_stroke_that_breaks_the_mesh_is_refused_with_the_bend_at_which_it_does(planform):

@@ -10,7 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from piv.formats.plane_series import UNCERTAIN, VALID, usable
 from piv.images.calibration import (
     Calibration,

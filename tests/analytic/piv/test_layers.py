@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from scipy import ndimage
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from piv.correlation.pair import correlate_pair
 from piv.formats.plane_series import make_plane
 from piv.vortices.field_noise import field_noise

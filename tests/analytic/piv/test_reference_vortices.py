@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 

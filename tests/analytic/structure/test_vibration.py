@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from pipeline.scene.sections import Structure
 from pipeline.structure.motion import Surroundings, at_rest, motion
 from pipeline.structure.vibration import LOSS_BAND, slowness

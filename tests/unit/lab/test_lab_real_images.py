@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from piv.images.calibration import Calibration, save_calibration
 from postprocess.lab.dpiv_toml import read_dpiv
 from postprocess.lab.recorded import LabRecording

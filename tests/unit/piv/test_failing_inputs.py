@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from docs.evidence.shared_data import shared_data
+from docs.evidence.small_scene import shared_data
 from piv import correlate_pair, usable
 from piv.formats.plane_series import OUTLIER, UNCERTAIN, absent, read_plane
 from piv.images.preprocess import Preprocessor
