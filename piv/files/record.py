@@ -20,6 +20,7 @@ FORMAT = {"format": "stage-record", "format_version": 1}
 _DEPTH = 6  # of a file in a run's folder: case/interval_0/postProcessing/sheet/0.1/sheet.vtk
 REMEDY = "delete it and run make again"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"  # of a folder that is made, as a file gives it
+_GATE = "/gate.vtk"  # a pipe of a coupled run (pipeline/openfoam/gate.py)
 _COSTS = ("wall_time", "cpu_time", "peak_memory")
 _LARGEST = 1e18  # of a cost; a larger integer is no float
 
@@ -28,7 +29,8 @@ def check_own(out: Path) -> None:
     """StageError where a link leads out of a run's folder `out`, or `out` out of its scene's.
 
     Whatever a run writes, replaces or deletes lies below `out`, so this guards all such paths. A
-    pipe or device is refused too, since opening it may never return.
+    pipe or device is refused too, since opening it may never return. The gate of a coupled run is
+    not: it may be running, and where it was killed its next start removes the gate unread.
     """
     home = next((p for p in out.parents if (p / "scene.toml").is_file()), out.parent)
     above = [p for p in out.parents if home in p.parents]
@@ -47,7 +49,7 @@ def _links(folder: Path | str) -> Iterator[str]:
                 yield entry.path
             elif entry.is_dir(follow_symlinks=False):
                 yield from _links(entry.path)
-            elif not entry.is_file(follow_symlinks=False):
+            elif not (entry.is_file(follow_symlinks=False) or entry.path.endswith(_GATE)):
                 raise StageError(f"{entry.path}: is neither a file nor a folder; remove it")
 
 
