@@ -13,7 +13,7 @@ FloatArray = np.ndarray
 BAND = 1.96  # standard deviations of a 95 % band
 TOLD = 0.7  # of the prior's standard deviation: what is not below it the data do not tell
 _STEP = 0.05  # of the prior's standard deviation, of the differences that give the Jacobian
-_LEAST_NOISE = 1.0  # of the first guess: no edge is known better, however well a fit goes
+_LEAST_NOISE = 0.75  # of the first guess: no edge is known better, however well a fit goes
 _LAGS = 25  # of the correlation of residuals over time, at most
 
 
