@@ -1,5 +1,6 @@
 """The park of own fingers: its table makes scenes, and what exceeds a limit fails."""
 
+import json
 import tomllib
 
 import numpy as np
@@ -43,3 +44,19 @@ def test_what_exceeds_its_limit_fails():
         assert Outcome({k: v for k, v in good.items() if k != name}, "").failed() == [name]
         assert LIMITS[name].reason
     assert Outcome({}, "the mesh is bad").failed() == ["page"]
+
+
+def test_the_page_holds_what_was_made_and_what_failed(tmp_path):
+    good = {name: limit.most for name, limit in LIMITS.items()} | {"cpu_s": 12.0}
+    runs = {"coupled": Outcome(good, ""), "prescribed, PIV=0": Outcome({}, "the mesh is bad")}
+    drawn_ = {"coupled, PIV=0": Outcome(good | {"total": 0.2}, "")}
+    for name, found in {"cycle_90": runs, "drawn_3_1": drawn_, "drawn_3_2": {}}.items():
+        (tmp_path / name).mkdir()
+        kept = {motion: {"values": o.values, "ended": o.ended} for motion, o in found.items()}
+        (tmp_path / name / "outcomes.json").write_text(json.dumps(kept))
+    text = park.page(list(TABLE.values()), tmp_path)
+    assert "| cycle_90 | coupled | 0.05 | 0 |" in text
+    assert "| cycle_90 | prescribed, PIV=0 | no page: the mesh is bad |" in text
+    assert "1 of 2 passed all checks at the first try" in text
+    assert f"{LIMITS['total'].about}: **0.2**" in text
+    assert all(limit.reason in text for limit in LIMITS.values())
