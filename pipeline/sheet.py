@@ -42,16 +42,24 @@ def sheet_axes(
     return axes[0], axes[1]
 
 
-def view_axes(view: tuple[float, ...], scene: Scene) -> tuple[ndarray, ndarray]:
-    """Grid axes (m) of the water in a view. StageError where the view shows no water."""
+def view_axes(
+    view: tuple[float, ...], scene: Scene, symmetric: bool = False
+) -> tuple[ndarray, ndarray]:
+    """Grid axes (m) of the water in a view. StageError where the view shows no water.
+
+    Its points are those of the camera's view where both see; x about 0 where `symmetric`.
+    """
     half, depth, spacing = scene.tank.size[0] / 2, scene.tank.water_depth, scene.sheet.spacing
     low, high = np.maximum(view[::2], (-half, 0.0)), np.minimum(view[1::2], (half, depth))
     if np.any(high - low < 2 * spacing):
         raise StageError(
             f"view {view} m shows no water of {scene.folder}; give x0 x1 y0 y1 in the tank frame"
         )
-    first, last = np.ceil(low / spacing - 1e-6), np.floor(high / spacing + 1e-6)
-    x, y = (spacing * np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    across, up = scene.camera.centre or (0.0, 0.0)
+    middle = np.array([0.0 if symmetric else across, up])
+    first = np.ceil((low - middle) / spacing - 1e-6)
+    last = np.floor((high - middle) / spacing + 1e-6)
+    x, y = (m + spacing * np.arange(a, b + 1) for m, a, b in zip(middle, first, last, strict=True))
     return x, y
 
 
@@ -140,10 +148,11 @@ def run(
         )
     else:
         reach = max(abs(view[0]), abs(view[1]))  # a mirrored sheet is symmetric
-        x, y = view_axes((-reach, reach, *view[2:]) if kinematics.mirror else view, scene)
+        view = (-reach, reach, *view[2:]) if kinematics.mirror else view
+        x, y = view_axes(view, scene, symmetric=kinematics.mirror)
     intervals = read_intervals(scene.motion_folder)
     planes = sampled_surfaces(scene.out / "case", intervals, "sheet")
-    planes = planes if view is not None else planes[:: scene.sheet.every or 1]
+    planes = planes[:: scene.sheet.every or 1]
     chosen = np.linspace(0, len(planes) - 1, min(most or len(planes), len(planes)))
     planes = [planes[k] for k in chosen.round().astype(int)]
     mirrored = bool(read_planform(scene.motion_folder, intervals[0].mesh).attrs["mirror"])

@@ -65,7 +65,7 @@ LIMITS = {
     "in_view": Limit(
         "circulation in the view against the whole flow",
         0.03,
-        "both sample the same flow; grids that are shifted by half a spacing differ by 1 to 2 %",
+        "both sample the same flow at the same points; young vortices of two cells differ more",
     ),
     "total": Limit(
         "total circulation over the strongest vortex",
