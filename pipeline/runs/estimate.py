@@ -27,6 +27,8 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         more = 6 * len(UNCERTAIN_AT_KPA) if fea.uncertainty and fea.engine == "unit_cell" else 0
         return seconds * (len(fea.pressures) + more), memory
     scale = _SCALE.get(run.scene.level, 1.0)
+    if stage == "figures" and not run.scene.filmed:
+        scale *= 0.5  # the slider's frames are of the flow alone, not of three fields
     if step.ranks:
         size = predicted(run.scene)
         coupled = _STEP * size.steps * run.scene.coupled
