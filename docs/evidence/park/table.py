@@ -34,9 +34,9 @@ _HEAD = """# Own fingers
 `make park` makes these scenes from nothing but the arguments of `softfinger new` and some keys
 (`tests/park/scenes.toml`), and checks what must hold of any scene: all at level smoke, coupled and
 prescribed, and four at draft. Rows with PIV=0 are of the flow alone. Bold is what fails; a
-text says why a check does not apply. A row is missing where the run was not made. At smoke the cells
-near the finger make a total circulation of 0.6 to 8 % of the strongest vortex by themselves. Smaller
-far cells do not change it; at draft it is 0.1 %.
+text says why a check does not apply. A row is missing where the run was not made. At smoke the
+total circulation grows to 0.6 to 8 % of the strongest vortex. Smaller far cells do not change it;
+in the one run at draft it is 0.1 %.
 
 """
 _START, _STEP = 0.02, 0.005  # s of rest before a pressure rises, and between its rows
