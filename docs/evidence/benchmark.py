@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 import xarray as xr
 
+from docs.evidence.piv.flows import TurbulentPlane
 from docs.evidence.piv.pairs import render_pair
-from docs.evidence.piv.turbulence_field import TurbulentPlane
 from docs.evidence.small_scene import ROOT
 from pipeline.formats.kinematics import read_kinematics
 from pipeline.formats.records import FORCES

@@ -21,7 +21,7 @@ import pytest
 from matplotlib.ticker import LogLocator, NullFormatter
 from PIL import Image
 
-from docs.evidence.piv.turbulence_field import TurbulentPlane
+from docs.evidence.piv.flows import TurbulentPlane
 from docs.evidence.small_scene import shared_data
 from pipeline.formats.records import RUN
 from pipeline.runs.stages import STAGES

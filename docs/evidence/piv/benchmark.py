@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from docs.evidence.pages import machine, write_study
 from docs.evidence.piv.flows import CASES, CENTRE, SHAPE, Case
+from docs.evidence.piv.pages import machine, write_study
 from docs.evidence.piv.pairs import render_pair
 from docs.evidence.piv.scores import inner, rms_of, told
 from docs.evidence.piv.with_peers import OURS, Pair, compared

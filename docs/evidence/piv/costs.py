@@ -13,10 +13,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from docs.evidence.pages import machine, write_study
-from docs.evidence.piv.flows import uniform
+from docs.evidence.piv.flows import TurbulentPlane, uniform
+from docs.evidence.piv.pages import machine, write_study
 from docs.evidence.piv.particles import render
-from docs.evidence.piv.turbulence_field import TurbulentPlane
 from piv.correlation.pair import correlate_pair
 from piv.vortices.find import find_vortices
 

@@ -14,7 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from docs.evidence.benchmark import SCENES, main
-from docs.evidence.pages import libraries, write_study
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.with_peers import OURS, Pair, with_peers
 from docs.evidence.small_scene import ROOT
 from piv.formats.plane_series import make_plane, read_plane

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from docs.evidence.pages import libraries, write_study
 from docs.evidence.piv.flows import CENTRE, SHAPE, lamb_oseen, random_field, sine, uniform
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.pairs import render_pair
 from docs.evidence.piv.scores import EDGE, Errors, inner, joined, judged, rms, told
 from docs.evidence.piv.walls import walls

@@ -15,7 +15,7 @@ import cv2
 import h5py
 import numpy as np
 
-from docs.evidence.pages import libraries, write_study
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.particles import render
 from piv.formats.plane_series import absent, read_plane
 

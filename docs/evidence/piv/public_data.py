@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from docs.evidence.pages import libraries, write_study
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.scores import EDGE, absent, inner, joined, rms_of, speed, told
 from docs.evidence.piv.with_peers import OURS, PEER_NAMES, Pair, compared
 from docs.evidence.small_scene import shared_data

@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from docs.evidence.pages import libraries, write_study
-from docs.evidence.piv.flows import SHAPE
+from docs.evidence.piv.flows import SHAPE, TurbulentPlane
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.particles import render
 from docs.evidence.piv.scores import inner, rms_of, speed, told
-from docs.evidence.piv.turbulence_field import TurbulentPlane
 from docs.evidence.piv.with_peers import OURS, PEER_NAMES, Pair, add, with_peers
 
 FIRST = 4201

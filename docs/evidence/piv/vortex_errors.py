@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from docs.evidence.pages import libraries, write_study
+from docs.evidence.piv.pages import libraries, write_study
 from docs.evidence.piv.pairs import render_pair
 from piv.correlation.pair import correlate_pair
 from piv.formats.plane_series import make_plane

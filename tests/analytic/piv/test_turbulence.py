@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from docs.evidence.piv.flows import TurbulentPlane
 from docs.evidence.piv.particles import render
 from docs.evidence.piv.turbulence import derivatives
-from docs.evidence.piv.turbulence_field import TurbulentPlane
 from piv.correlation.pair import correlate_pair
 from piv.fields.derived import derived
 from piv.formats.plane_series import usable

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 from scipy.special import j1
 
-from docs.evidence.piv.turbulence_field import TurbulentPlane
+from docs.evidence.piv.flows import TurbulentPlane
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import PEAK_RADIUS, PEAK_SWIRL, lamb_oseen

@@ -134,7 +134,7 @@ def test_a_stage_is_made_and_a_dry_run_makes_nothing(tmp_path, capsys):
     scene = write_scene(tmp_path / "small")
     words = ["run", str(scene.folder), "--level", "tiny", "--until", "kinematics"]
     assert main([*words, "--dry-run"]) == 0
-    assert capsys.readouterr().out == "kinematics: not made yet\nabout 1 s of CPU time\n"
+    assert capsys.readouterr().out == "kinematics: not made yet\nabout 2 s of CPU time\n"
     assert main(["run", str(scene.folder), "--level", "tiny", "--dry-run"]) == 0
     assert "\nthe flow: about 700 cells, 420 steps, " in capsys.readouterr().out
     assert not scene.out.exists()

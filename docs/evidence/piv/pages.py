@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from docs.evidence.small_scene import ROOT
 from piv.files.atomic import write_text
 from postprocess.tables import write_table
 
-PIV = Path(__file__).resolve().parents[2] / "docs" / "piv_benchmarks"
+PIV = ROOT / "docs" / "piv_benchmarks"
 
 
 def write_study(name: str, tables: list[pd.DataFrame], *notes: str) -> None:
