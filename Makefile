@@ -94,7 +94,7 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
 	@echo "site: $$PWD/site/index.html"
 
-bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (about 20 CPU minutes)
+bench-piv: $(READY) ## PIV against its peers, and its limits: docs/piv_benchmarks.md (20 CPU min)
 	@$(PY) -m docs.evidence.piv
 
 evidence: .venv-docs/.ready ## all tables and pictures of the docs anew (a night; resumes)

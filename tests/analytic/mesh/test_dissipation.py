@@ -62,7 +62,7 @@ def test_the_boundaries_have_the_velocity_of_their_conditions(mesh):
     n, patches = mesh.inner, mesh.faces.patches
     water = np.tile([0.3, -0.2, 0.1], (len(mesh.volume), 1))
     moving = np.tile([1.0, 2.0, 0.0], (len(mesh.faces.owner), 1))
-    given = _boundary_velocity(mesh, water, moving)
+    given = _boundary_velocity(mesh, water, moving, None, 0.0)
     wanted = {"finger": [1, 2, 0], "tank": [0, 0, 0], "top": [0.3, 0, 0.1], "gap": [0.3, -0.2, 0.1]}
     assert {"finger", "tank", "top"} <= patches.keys()
     for name in wanted.keys() & patches.keys():
