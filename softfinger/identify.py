@@ -141,12 +141,12 @@ def identify(
     about = json.dumps(record(found, fitted, held, more), indent=1)
     write_text(target / "identify.json", about + "\n")
     write_page(target / "identify.html", twin, found, fitted, held, more)
-    _say(found, more)
+    _print_result(found, more)
     print(f"scene: {target}\nreport: {(target / 'identify.html').resolve()}")
     return target
 
 
-def _say(found: "Fit", more: dict[str, Any]) -> None:
+def _print_result(found: "Fit", more: dict[str, Any]) -> None:
     """Print what was found, as the page states it."""
     from softfinger.twin.advice import advice
     from softfinger.twin.identify import warnings

@@ -25,7 +25,7 @@ _LEAD = 5.0  # widths of the body that the stream has run before the motion begi
 _GRAVITY = 9.81  # m/s²
 _FROUDE = 0.3  # by the depth: the surface then falls by less than 5 % of the depth
 _BLOCKED = 0.3  # of the cross-section: water beside the body is faster by 1 / (1 - 0.3)
-_FELT = 0.05  # of it: forces are felt to be larger, by about a tenth
+_NARROW = 0.05  # of it: forces are larger then, by about a tenth
 _BEFORE, _BEHIND = 1.0, 2.0  # lengths of the body to the inflow and to the outflow, at least
 _FASTER = 2.0  # speed beside a body in a current, over the current's
 _STEPS = 20  # time steps in a ramp or a period
@@ -251,7 +251,7 @@ def _rounded(value: float, up: bool = False) -> float:
 
 def current_remarks(scene: Any) -> list[str]:
     """Warnings about a current that the tank carries, but not as open water would."""
-    if scene.current is None or (blocked := frontal_share(scene)) <= _FELT:
+    if scene.current is None or (blocked := frontal_share(scene)) <= _NARROW:
         return []
     return [
         f"warning: the body takes {100 * blocked:.0f} % of the tank's cross-section: the current"

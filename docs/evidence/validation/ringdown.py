@@ -153,6 +153,6 @@ def measure() -> Result | None:
     )  # fmt: skip
     text = (
         "A beam of silicone is let go above its sag and swings about it. The first recording with"
-        " each mass is fitted as a film is, the second is foretold but for its instant of release."
+        " each mass is fitted as a film is, the second is predicted but for its instant of release."
     )
     return Result(NAME, "A silicone beam that is let go", text, checks)
