@@ -27,9 +27,9 @@ def _with_current(balance: dict[str, Any]) -> str:
     parts["kinetic"], parts["rest"] = balance["kinetic_energy"], abs(balance["unexplained"])
     of = {name: f"{1e3 * value:.3g}{NBSP}mJ" for name, value in parts.items()}
     return (
-        f"The finger gives the water {of['work']}, and the current brings {of['supplied']} more"
-        f" than it takes away. The water's kinetic energy changes by {of['kinetic']}; viscosity has"
-        f" taken {of['viscous']}, the convection scheme {of['convection']}, the coupling of"
+        f"The water gains {of['work']} by the finger and {of['supplied']} through the tank's ends"
+        " (negative: it loses them). The water's kinetic energy changes by"
+        f" {of['kinetic']}; viscosity has taken {of['viscous']}, the convection scheme {of['convection']}, the coupling of"
         f" pressure and velocity {of['coupling']}; {of['rest']} are unexplained,"
         f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} of what finger, current and"
         " water exchange. What the schemes take acts as viscosity of the mesh."
