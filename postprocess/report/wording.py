@@ -30,7 +30,8 @@ def _with_current(balance: dict[str, Any]) -> str:
         f"The water gains {of['work']} by the finger and {of['supplied']} through the tank's ends"
         " (negative: it loses them). The water's kinetic energy changes by"
         f" {of['kinetic']}; viscosity has taken {of['viscous']}, the convection scheme"
-        f" {of['convection']}, the coupling of pressure and velocity {of['coupling']}; {of['rest']} are unexplained,"
+        f" {of['convection']}, the coupling of pressure and velocity {of['coupling']};"
+        f" {of['rest']} are unexplained,"
         f" {quantity(abs(balance['unexplained_fraction']), 'fraction')} of what finger, current and"
         " water exchange. What the schemes take acts as viscosity of the mesh."
     )
