@@ -33,7 +33,8 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         size = predicted(run.scene)
         coupled = _STEP * size.steps * run.scene.coupled
         return size.cpu * step.slower + coupled, max(memory, size.memory / 1e6)
-    if step.grows:
+    # before the bending is analysed the view is not known, and neither are its pictures
+    if step.grows and run.scene.camera.centre is not None:
         scale = getattr(predicted(run.scene), step.grows) / _SIZES[step.grows]
         return seconds * scale + _START, memory
     return seconds * scale + _START, memory * max(1.0, scale)
