@@ -70,7 +70,7 @@ PARTS = {
     "fig-9": Part(((*_PY, "docs.evidence.air_and_water"),)),
     "park": Part(((*_PY, "docs.evidence.park"),)),
     "twin": Part(
-        ((*_PY, "docs.evidence.twin", "1", "11", "--coupled"),
+        ((*_PY, "docs.evidence.twin", "1", "9", "--coupled"),
          (*_PY, "docs.evidence.twin", "207", "225")),
     ),
     "docs": Part((("make", "docs"),), ("tradeoff", "checks", "stability", "drawn", "coupling")),

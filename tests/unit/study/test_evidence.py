@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from docs.evidence import __main__ as evidence
+from docs.evidence import twin
 from pipeline.runs.stages import BY_NAME, COUPLED
 from softfinger.study.rows import read_study
 from softfinger.study.table import origin
@@ -136,3 +137,14 @@ def test_the_head_of_a_table_names_the_stages_that_its_runs_used(tmp_path, sourc
     assert {"sheet"} <= found["stages"].keys()
     assert {"images"}.isdisjoint(found["stages"])
     assert len(found["made"]) == len("2026-11-28")
+
+
+def test_no_seed_that_the_twin_was_tuned_with_counts_as_blind(monkeypatch, capsys):
+    assert twin.TUNED.isdisjoint(pd.read_csv(ROOT / twin.TABLE)["seed"])
+    for words in evidence.PARTS["twin"].commands:
+        first, end = map(int, words[3:5])
+        assert twin.TUNED.isdisjoint(range(first, end)), words
+    monkeypatch.setattr(sys, "argv", ["twin", "8", "10"])
+    with pytest.raises(SystemExit):
+        twin.main()
+    assert "seeds [9] are not blind" in capsys.readouterr().err
