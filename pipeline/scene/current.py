@@ -76,10 +76,14 @@ class Current(Section):
 
 @dataclass(frozen=True)
 class Stream:
-    """A current as a field: `law`: its velocity along x (m/s) at times (s), beyond the layer."""
+    """A current as a field: `law`: its velocity along x (m/s) at times (s), beyond the layer.
+
+    `known`: first and last time (s) of its table, before and after which the law keeps a value.
+    """
 
     current: Current
     law: Callable[[ndarray], ndarray]
+    known: tuple[float, float] = (-math.inf, math.inf)
 
     @classmethod
     def of(cls, scene: Any) -> "Stream | None":
@@ -90,6 +94,7 @@ class Stream:
     def read(cls, current: Current, folder: Path) -> "Stream":
         """That of a scene in `folder`. StageError where its table is wrong."""
         sign, ramp = (1.0 if current.direction == "+x" else -1.0), current.ramp
+        known = cls.known
         if current.table is None:
             mean, swing = current.speed or 0.0, current.amplitude or 0.0
             turning = 2 * np.pi * (current.frequency or 0.0)
@@ -99,6 +104,7 @@ class Stream:
         else:
             path = folder / current.table
             times, speeds = read_history(path, "speed", least=2)
+            known = float(times[0]), float(times[-1])
             if (fastest := float(np.abs(speeds).max())) > _FASTEST:
                 raise StageError(
                     f"{path}: {fastest:.3g} m/s is no current's speed; give m/s, or name the"
@@ -114,7 +120,7 @@ class Stream:
             begun = 1.0 if ramp is None else _smooth(time / ramp)
             return np.asarray(sign * begun * steady(time))
 
-        return cls(current, law)
+        return cls(current, law, known)
 
     def held(self) -> "Stream":
         """Return the same with the velocity that it begins with for ever."""
@@ -211,6 +217,12 @@ def _check_speed(scene: Any) -> None:
         raise ValueError(
             f"current: it does not run before motion.end_time = {end:g} s; give a later end_time,"
             " or a table that begins earlier"
+        )
+    if stream.known[0] >= end or stream.known[1] <= 0:
+        first, last = stream.known
+        raise ValueError(
+            f"current.table = {current.table!r} has times from {first:g} to {last:g} s, the motion"
+            f" from 0 to {end:g} s; correct the table's times, or name its column t [ms]"
         )
     if peak > most and scene.body is None:  # a rigid body's scene is in units of its own
         raise ValueError(

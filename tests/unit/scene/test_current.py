@@ -122,6 +122,15 @@ def test_a_table_in_another_unit_is_refused(tmp_path):
         scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'")
 
 
+@pytest.mark.parametrize("rows", ["5,0.1\n6,0.2", "-6,0.1\n-5,0.2"])
+def test_a_table_without_a_time_of_the_motion_is_refused(tmp_path, rows):
+    """Its first or last speed was taken for all of the run."""
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "u.csv").write_text(f"t,u\n{rows}\n")
+    with pytest.raises(StageError, match=r"current.table = 'u.csv' has times from .* 0 to 0.42 s"):
+        scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'")
+
+
 def test_a_table_is_named_from_the_scene_that_extends_its_scene(tmp_path):
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "u.csv").write_text("t,u\n0,0.1\n1,0.2\n")
