@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from docs.evidence.park import table as park
-from docs.evidence.park.checks import LIMITS, Outcome
+from docs.evidence.park.checks import LIMITS, Outcome, _against_whole
 from docs.evidence.park.draw import drawn
 from pipeline.scene.scene import load_scene
 
@@ -46,17 +46,30 @@ def test_what_exceeds_its_limit_fails():
     assert Outcome({}, "the mesh is bad").failed() == ["page"]
 
 
+@pytest.mark.parametrize("sums", [[0.1, np.nan], [np.nan, 0.1]])
+def test_a_sum_that_is_no_number_fails_at_whichever_instant_it_is(sums):
+    """The largest of Python was that of the others, unless the first one was NaN."""
+    found = np.array([[2.0, 1.0], [0.1, 0.0]])  # the second vortex is too young
+    view, total = _against_whole(found, np.array(sums))
+    assert view == 0.5
+    assert np.isnan(total)
+    assert _against_whole(found, np.array([0.1, 0.3])) == (0.5, 0.15)
+
+
 def test_the_page_holds_what_was_made_and_what_failed(tmp_path):
     good = {name: limit.most for name, limit in LIMITS.items()} | {"cpu_s": 12.0}
     runs = {"coupled": Outcome(good, ""), "prescribed, PIV=0": Outcome({}, "the mesh is bad")}
     drawn_ = {"coupled, PIV=0": Outcome(good | {"total": 0.2}, "")}
-    for name, found in {"cycle_90": runs, "drawn_3_1": drawn_, "drawn_3_2": {}}.items():
+    good_ = {"coupled, PIV=0": Outcome(good, "")}
+    of_seeds = {"drawn_3_1": drawn_, "drawn_3_2": {}, "drawn_5_1": good_}
+    for name, found in ({"cycle_90": runs} | of_seeds).items():
         (tmp_path / name).mkdir()
         kept = {motion: {"values": o.values, "ended": o.ended} for motion, o in found.items()}
         (tmp_path / name / "outcomes.json").write_text(json.dumps(kept))
     text = park.page(list(TABLE.values()), tmp_path)
     assert "| cycle_90 | coupled | 0.05 | 0 |" in text
     assert "| cycle_90 | prescribed, PIV=0 | no page: the mesh is bad |" in text
-    assert "Of the 2 that were made, 1 passed all checks at the first try" in text
+    # one without any run has not passed
+    assert "Of the 3 that were made of seed 3, 5, 1 passed all checks." in text
     assert f"{LIMITS['total'].about}: **0.2**" in text
     assert all(limit.reason in text for limit in LIMITS.values())
