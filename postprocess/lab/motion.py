@@ -74,10 +74,9 @@ class Effect:
 class Comparison:
     """Motions of both sides, their flows (None: not compared), and the effects of the runs.
 
-    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count.
-    `measured`:
-    `flow.measure` of each side. `water_speed`: of the recording over the simulation's in
-    the first half of the stroke; `all_water`: where it is the same at every instant and not 1.
+    `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `measured`:
+    `flow.measure` of each side. `water_speed`: of the recording over the simulation's in the first
+    half of the stroke; `all_water`: where it is the same at every instant and not 1.
     `levels`: as of `inputs.level_windows`, and the `level` that is compared.
     """
 
