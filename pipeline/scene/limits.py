@@ -251,13 +251,16 @@ def _check_fields(scene: Any) -> None:
     _within("camera.frame_rate_hz", rate, sheet.rate_hz / _LONGEST_INTERVAL, np.inf, " Hz", slow)
     step = scene.numerics.time_step
     pictures = round(scene.motion.end_time / step) // scene.numerics.sampling_steps(sheet.rate_hz)
-    frames = math.floor((pictures - 1) / sheet.rate_hz * rate + 1e-6) + 1
+    every = (sheet.every or 1) if scene.filmed else 1
+    last = (pictures - 1) // every * every  # of the pictures that are taken
+    frames = math.floor(last / sheet.rate_hz * rate + 1e-6) + 1
     fields = field_count(frames, camera.pairs_every, piv.frames, piv.every)
     if fields < _FEWEST_FIELDS:
         raise ValueError(
             f"the camera takes {frames} frames, of which camera.pairs_every ="
             f" {camera.pairs_every}, piv.frames = {piv.frames} and piv.every = {piv.every} make"
-            f" {fields} vector fields, fewer than {_FEWEST_FIELDS}; lower these, raise"
+            f" {fields} vector fields, fewer than {_FEWEST_FIELDS}; lower these"
+            f"{f' and sheet.every = {every}' if every > 1 else ''}, raise"
             f" sheet.rate_hz = {sheet.rate_hz:g}, or give a later motion.end_time"
         )
 

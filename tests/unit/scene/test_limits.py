@@ -95,6 +95,7 @@ NONSENSE = [
     (MANY_FRAMES, ["piv.frames = 99", "42 frames", "0 vector fields", "fewer than 2"]),
     ("[piv]\nevery = 10000", ["piv.every = 10000", "1 vector fields"]),
     ("[camera]\npairs_every = 10000", ["camera.pairs_every = 10000", "1 vector fields"]),
+    ("[sheet]\nevery = 10000", ["takes 1 frames", "0 vector fields", "sheet.every = 10000"]),
     ("[sheet]\nrate_hz = 10.0", ["sheet.rate_hz = 10", "1 vector fields"]),
     ("[camera]\nframe_rate_hz = 7.3", ["camera.frame_rate_hz = 7.3 Hz", "at least 50"]),
     ("[camera]\ndensity_ppp = 1e-9", ["camera.density_ppp", "particles in a window", "0.00195"]),
