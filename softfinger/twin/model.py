@@ -16,7 +16,7 @@ from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 from postprocess.lab.pose import Pose
 from softfinger.twin.film import Film, read_film
-from softfinger.twin.fit import FloatArray, Parameter
+from softfinger.twin.fit import BAND, FloatArray, Parameter
 
 STIFF, LOADS, LOSS, MASS, DRAG = (
     "stiffness against pressure", "stiffness against loads over it", "loss factor",
@@ -148,13 +148,23 @@ class Twin:
         none = np.zeros((len(time), finger.chain.slices, 3))
         beyond = max(states.pressure[0] - chambers.min(), chambers.max() - states.pressure[-1])
         if beyond > 0.01 * np.ptp(states.pressure):
-            raise StageError(
-                f"{pressure}: a rubber {values[STIFF]:.2f} times as stiff needs bending states to"
-                f" {chambers.max() / values[STIFF] / 1e3:.3g} kPa; analyse more pressures ([fea])"
-            )
+            raise StageError(self._softer(pressure, values[STIFF], chambers))
         step = float(time[1] - time[0])
         turned = motion(finger.chain, chambers, step, around, none, most=np.inf)
         return time, self.outlines(finger, chambers, turned)
+
+    def _softer(self, pressure: Path, stiff: float, chambers: FloatArray) -> str:
+        """What to analyse where the states end before the pressures of a rubber `stiff` times."""
+        softest = float(np.exp(-BAND * PRIORS[STIFF]))
+        step = float(np.median(np.diff(self.states.pressure)))
+        low = min(chambers.min() / softest, self.states.pressure[0]) / step
+        high = max(chambers.max() / softest, self.states.pressure[-1]) / step
+        return (
+            f"{pressure}: the fit tries a rubber {stiff:.2f} times as stiff, for which the bending"
+            f" states do not reach the pressures; in {self.scene.folder / 'scene.toml'} write"
+            f" fea.first_pressure_kpa = {np.floor(low) * step / 1e3:g} and fea.last_pressure_kpa ="
+            f" {np.ceil(high) * step / 1e3:g}, for one {softest:.2f} times as stiff, then make fea"
+        )
 
     def outlines(
         self, finger: ElasticFinger, chambers: FloatArray, turned: FloatArray

@@ -1,6 +1,7 @@
 """The twin: bands of a fit that are known, silhouettes of a film, a finger found again."""
 
 import json
+import re
 import subprocess
 from dataclasses import replace
 
@@ -205,6 +206,19 @@ def test_a_film_ends_with_its_pressure_and_begins_on_its_clock(tmp_path):
     log.write_text("t,p\n-5,0\n-4.9,9000\n-4.8,9000\n")
     with pytest.raises(StageError, match=r"times from -5 to -4\.8 s"):
         read_stroke(twin, tmp_path / "a", log, 25.0)
+
+
+def test_states_that_a_softer_rubber_needs_are_named_at_once(tmp_path):
+    """An own finger has states to its log's pressure: one step softer, and it was refused again."""
+    twin, log = twin_of(), tmp_path / "p.csv"
+    most = twin.states.pressure[-1]
+    log.write_text(f"t,p\n0,0\n0.1,{most:.0f}\n0.2,{most:.0f}\n")
+    with pytest.raises(StageError, match=r"write fea\.first_pressure_kpa = .* make fea") as refused:
+        twin.run(priors("a") | {STIFF: 0.95}, log)
+    first, last = (float(x) for x in re.findall(r"_kpa = (-?[\d.]+)", str(refused.value)))
+    softest = next(p for p in twin.parameters(["a"]) if p.name == STIFF).value(-1.96)
+    assert most / softest <= 1e3 * last < 1.1 * most / softest
+    assert 1e3 * first <= twin.states.pressure[0] + 1e-6
 
 
 def test_a_log_that_begins_before_its_film_moves_the_finger_before_it(tmp_path):
