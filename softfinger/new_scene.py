@@ -15,7 +15,7 @@ from pipeline.formats.bending_states import BendingStates, read_states
 from pipeline.kinematics.pressure_law import absolute, measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate, of_page
-from pipeline.runs.run import open_run
+from pipeline.runs.run import NOT_FASTER, open_run
 from pipeline.runs.stages import FEA
 from pipeline.scene.measurement import frames_apart
 from pipeline.scene.predicted import predicted
@@ -36,7 +36,6 @@ _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over th
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
-_NOT_FASTER = 1.25  # of it: what is left where times are powers of two
 _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
@@ -235,7 +234,7 @@ def _pace(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -> 
     finger = _likely(own, shipped, chambers, end, scale)
     of_vibration = finger.period / _PERIOD_STEPS / shipped.numerics.time_step
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
-    slower = _NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
+    slower = NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
     slower = min(slower, max(of_vibration, 1.0), max(of_run, 1.0))
     return 2.0 ** math.floor(math.log2(slower)), finger.known
 

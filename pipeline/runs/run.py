@@ -31,7 +31,7 @@ from piv.files.record import changed_outputs, check_own, read_record, record_pat
 
 FILES = {f"motion.{key}" for key in FILE_KEYS} | {"current.table"}
 _ANALYSED = ("actuator", "fea")  # sections of the bending analysis
-_NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
+NOT_FASTER = 1.25  # of the speed of a tip for which steps were chosen
 _DEPTHS = ("*", "*/*", "*/*/*")  # of runs below a scene's folder out/
 
 
@@ -232,7 +232,7 @@ def other_motion(scene: Scene) -> tuple[dict[str, Any], Path]:
         return overrides, coupled_out(scene.out)
     check_states(scene)
     wet = modelled_speed(ElasticFinger.of(scene), scene.motion.end_time)
-    faster = tip_path(scene).speed / wet / _NOT_FASTER
+    faster = tip_path(scene).speed / wet / NOT_FASTER
     parts = 2 ** max(0, math.ceil(math.log2(faster)))
     return {
         "motion.source": "fea",
