@@ -9,12 +9,21 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from piv.files.atomic import write_text
 from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 from softfinger.twin.film import MOST_FRAMES, Film
 from softfinger.twin.fit import BAND, Fit, FloatArray, Parameter
-from softfinger.twin.model import LOADS, LOSS, START, START_STD, STIFF, Stroke, Twin, outward
+from softfinger.twin.model import (
+    LOADS,
+    LOSS,
+    START,
+    START_STD,
+    STIFF,
+    Stroke,
+    Twin,
+    outward,
+    write_log,
+)
 
 FOLDER = "next"  # of the strokes' pressures, in the twin's folder
 _STEP = 0.25  # of the parameters' standard deviations, of the slopes
@@ -47,8 +56,7 @@ def advised(twin: Twin, found: Fit, stroke: Stroke, folder: Path) -> list[dict[s
     rows, wet = [], [("in air", replace(twin, air=True))] if not twin.air else []
     for name, (t, p) in candidates(stroke.pressure).items():
         path = folder / f"{name.replace(' ', '_')}.csv"
-        lines = [f"{a:.5g},{b:.6g}" for a, b in zip(t, p, strict=True)]
-        write_text(path, "\n".join(["t,p", *lines, ""]))
+        write_log(path, t, p)
         for where, filmed in [("", twin), *wet]:
             try:
                 covariance = with_film(filmed, found, path, float(t[-1]))

@@ -10,7 +10,6 @@ from scipy.interpolate import make_interp_spline
 from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.runs.run import open_run
 from pipeline.structure.finger import ElasticFinger
-from piv.files.atomic import write_text
 from piv.formats.user_tables import read_history
 from softfinger.make import Machine, make
 from softfinger.twin.fit import Fit, FloatArray, Parameter, fit
@@ -25,6 +24,7 @@ from softfinger.twin.model import (
     Stroke,
     Twin,
     tip_of,
+    write_log,
 )
 
 LEAST_STD = 0.05  # of the water's coefficients: the errors of a coarse grid
@@ -40,8 +40,7 @@ def coupled(twin: Twin, folder: Path, level: str, stroke: Stroke, name: str) -> 
     t, p = read_history(stroke.pressure, "pressure", least=2)
     begin = min(float(t[0]), 0.0)
     log = folder / "out" / f"{name}.csv"
-    rows = (f"{a:.6g},{b:.6g}" for a, b in zip(t - begin, p, strict=True))
-    write_text(log, "\n".join(["t,p", *rows, ""]))
+    write_log(log, t - begin, p)
     step = twin.scene.numerics.time_step
     moved = {
         "motion.source": "structure", "motion.strokes": [],

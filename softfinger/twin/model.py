@@ -12,6 +12,7 @@ from pipeline.formats.bending_states import BendingStates, read
 from pipeline.scene.scene import Scene
 from pipeline.structure.finger import ElasticFinger
 from pipeline.structure.motion import motion
+from piv.files.atomic import write_text
 from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 from postprocess.lab.pose import Pose
@@ -274,6 +275,12 @@ def read_stroke(twin: Twin, path: Path, log: Path, rate: float | None) -> Stroke
             " the film begins at t = 0 of its pressure: correct the times, or --rate"
         )
     return Stroke(film, log)
+
+
+def write_log(path: Path, times: FloatArray, pressures: FloatArray) -> None:
+    """Write a pressure's log; times (s) keep nine digits, so that those of a long one differ."""
+    rows = (f"{t:.9g},{p:.6g}" for t, p in zip(times, pressures, strict=True))
+    write_text(path, "\n".join(["t,p", *rows, ""]))
 
 
 def tip_of(outlines: FloatArray) -> FloatArray:

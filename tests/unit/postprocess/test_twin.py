@@ -14,10 +14,11 @@ from docs.evidence.small_scene import write_scene
 from docs.evidence.twin import Camera, turned
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
+from piv.formats.user_tables import read_history
 from piv.images.open_recording import open_recording
 from postprocess.lab.pose import Pose
 from softfinger.identify import identify
-from softfinger.twin.advice import with_film
+from softfinger.twin.advice import candidates, with_film
 from softfinger.twin.confirm import compared, coupled, water
 from softfinger.twin.film import Film, film_times, read_film
 from softfinger.twin.fit import BAND, Fit, Parameter, fit, independent_share
@@ -41,6 +42,7 @@ from softfinger.twin.model import (
     read_stroke,
     scaled,
     tip_of,
+    write_log,
 )
 from tests.conftest import CASES
 
@@ -335,6 +337,16 @@ def test_one_more_film_narrows_what_it_shows(tmp_path):
     assert wet[at[STIFF]] < 0.8
     assert dry[at[DRAG]] == pytest.approx(1.0, abs=1e-6)
     assert wet[at[DRAG]] < 0.99
+
+
+def test_the_strokes_that_follow_from_a_long_log_are_read_again(tmp_path):
+    """1 kHz over 25 s: "twice as fast" has rows 0.5 ms apart, and was left out without a word."""
+    path, time = tmp_path / "p.csv", np.arange(25_001) / 1e3
+    write_log(path, time, 9e3 * np.minimum(time, 1.0))
+    for times, pressures in candidates(path).values():
+        write_log(tmp_path / "next.csv", times, pressures)
+        again, _ = read_history(tmp_path / "next.csv", "pressure", least=2)
+        assert again == pytest.approx(times, abs=1e-6)
 
 
 def test_the_waters_coefficients_follow_from_a_run_in_another_water(tmp_path):
