@@ -27,7 +27,7 @@ def write_current(
     where water enters there, its speed across the face alone (pressureInletOutletVelocity).
     """
     current = stream.current
-    speed = stream.law(np.maximum(times, 0.0))
+    speed = stream.law(times)
     middles = face_middles(mesh, points, "upstream")
     share = stream.share(middles[:, 1])
     # the first fluxes follow from this value: as much flows in as out

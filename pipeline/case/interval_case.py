@@ -147,7 +147,7 @@ def sides(planform: xr.Dataset, current: Current | None = None) -> ndarray:
         if x == right and mirrored:
             side[wall] = OUTER_PATCHES.index("mirror")
         elif current is not None:
-            enters = (x == left) == (current.direction == "+x")
+            enters = (x == left) == (current.sign > 0)
             side[wall] = OUTER_PATCHES.index("upstream" if enters else "downstream")
         else:
             side[wall[np.argmax(middle[wall, 1])]] = OUTER_PATCHES.index("gap")
@@ -225,7 +225,7 @@ def write_interval(
     if (stream := Stream.of(scene)) is not None:
         stream = stream.held() if name == LEAD else stream
         times = Steps.of(interval.begin, interval.end, scene.numerics.time_step).times
-        write_current(stream, np.maximum(times, 0.0), mesh, points, folder)
+        write_current(stream, times, mesh, points, folder)
         if name == LEAD:
             corners = planform["triangles"].values, planform["quads"].values
             start_stream(stream, cell_centres(nodes, *corners)[mesh.cell_column, 1], folder)

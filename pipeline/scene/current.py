@@ -57,6 +57,11 @@ class Current(Section):
     walls: Literal["no-slip", "slip"] = "no-slip"
     """Whether water sticks to the tank's bottom and sides; the surface is a lid that slips"""
 
+    @property
+    def sign(self) -> int:
+        """1 or -1: that of its direction along x."""
+        return 1 if self.direction == "+x" else -1
+
     @model_validator(mode="after")
     def _whole(self) -> "Current":
         if (self.speed is None) == (self.table is None):
@@ -93,7 +98,7 @@ class Stream:
     @classmethod
     def read(cls, current: Current, folder: Path) -> "Stream":
         """That of a scene in `folder`. StageError where its table is wrong."""
-        sign, ramp = (1.0 if current.direction == "+x" else -1.0), current.ramp
+        sign, ramp = current.sign, current.ramp
         known = cls.known
         if current.table is None:
             mean, swing = current.speed or 0.0, current.amplitude or 0.0
@@ -189,7 +194,7 @@ def check_current(scene: Any) -> None:
     _check_speed(scene)
     high = _height(scene)
     reach = 0.5 * high if scene.body else high
-    half, x = 0.5 * tank.size[0], scene.finger.root[0] * (1 if current.direction == "+x" else -1)
+    half, x = 0.5 * tank.size[0], scene.finger.root[0] * current.sign
     for name, room, least in (("in", half + x, _BEFORE), ("out", half - x, _BEHIND)):
         needed = reach + least * high
         if room < needed * (1 - 1e-9):

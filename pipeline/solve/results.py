@@ -138,9 +138,8 @@ def _through_flow(
     """
     current, folder = scene.current, scene.out / "run"
     assert current is not None
-    sign = 1 if current.direction == "+x" else -1
     samples = [part.case.folder / "postProcessing" for part in parts]
-    rows = [through_rows(each, scene.fluid.density, sign, copies) for each in samples]
+    rows = [through_rows(each, scene.fluid.density, current.sign, copies) for each in samples]
     table = _joined(parts, rows)
     THROUGH_FLOW.write(folder / "through_flow.csv", table)
     time, _, _, power, pushed, momentum, walls = table.T
