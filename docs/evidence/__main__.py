@@ -99,8 +99,13 @@ class Night:
         text = self.table["cpu_h"].get(name, "")
         return float(text) if text else 0.0
 
-    def left(self) -> float:
-        """Hours until all have ended: those of the longest, or of all over the cores."""
+    def left(self) -> str:
+        """Hours until all have ended, and the parts that they leave out."""
+        more = [n for n in self.parts if n not in self.codes and not self.hours(n)]
+        return f"about {self.hours_left():.1f} h" + (f" and {', '.join(more)}" if more else "")
+
+    def hours_left(self) -> float:
+        """Hours until all of known cost have ended: those of the longest, or all over the cores."""
         now = time.time()
         rest = {
             name: max(self.hours(name) - (now - self.begun.get(name, now)) / 3600, 0.0)
@@ -121,7 +126,7 @@ class Night:
 
     def _say(self, text: str) -> None:
         clock = time.strftime("%H:%M")
-        known = f"{len(self.codes)} of {len(self.parts)} ended, about {self.left():.1f} h left"
+        known = f"{len(self.codes)} of {len(self.parts)} ended, {self.left()} left"
         print(f"{clock} {text} ({known})", flush=True)
 
     def _run(self, name: str) -> int:
@@ -199,7 +204,7 @@ def main() -> int:
     night = Night({n: p for n, p in PARTS.items() if n in (args.parts or PARTS)}, commit())
     if args.list:
         print(night.table.to_string())
-        print(f"about {night.left():.1f} h for what has not ended on commit {night.at}")
+        print(f"{night.left()} for what has not ended on commit {night.at}")
         return 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     failed = night.run()

@@ -37,6 +37,7 @@ def write_page(
         air=twin.air,
         close=CLOSE,
         rms=found.rms,
+        noise=found.noise,
         rubber=(STIFF, LOADS, LOSS),
         now=half_widths(found, found.covariance),
         advice=advice(found, more["next"]),
