@@ -2,10 +2,10 @@
 
     make evidence    (or python -m docs.evidence [PART ...] [--list])
 
-Two parts run at a time, each on one core. A part that has ended on this commit is not run again,
-and one that was stopped goes on where its own records allow. The output of a part is
-.evidence/<part>.log. docs/verification/parts.csv keeps when each has ended, on which commit, and
-its CPU time, from which the estimates are.
+Two parts run at a time, each on one core. A part that has ended on this commit is not run again; of
+changes that are not committed it is. One that was stopped goes on where its own records allow. The
+output of a part is .evidence/<part>.log. docs/verification/parts.csv keeps when each has ended, on
+which commit, and its CPU time, from which the estimates are.
 """
 
 import argparse
@@ -90,7 +90,9 @@ class Night:
         self._changed = threading.Condition()
 
     def _ended(self, name: str) -> bool:
-        """Whether a part has ended well on this commit."""
+        """Whether a part has ended well on this commit, if the code is that of a commit."""
+        if not self.at or self.at.endswith("-dirty"):
+            return False
         state = STATE / f"{name}.json"
         return state.exists() and json.loads(state.read_text()) == {"commit": self.at}
 

@@ -108,6 +108,10 @@ def test_a_night_runs_each_part_once_after_those_that_it_reads(night, tmp_path, 
     assert later.left() == "about 2.0 h and b, c, d"
     later.run()
     assert sorted(log.read_text()) == sorted(2 * "abcd")
+    # the code of "dirty" is not known, and may have changed since
+    for _ in range(2):
+        night({"a": texts["a"]}, "def-dirty").run()
+    assert log.read_text().count("a") == 4
 
 
 def test_the_parts_of_the_evidence_are_commands_that_exist():
