@@ -14,6 +14,7 @@ from piv.files.errors import StageError
 from softfinger.options import SceneFolder, Switch
 
 if TYPE_CHECKING:
+    from pipeline.scene.scene import Scene
     from softfinger.twin.fit import Fit
     from softfinger.twin.model import Twin
 
@@ -47,6 +48,20 @@ def _different_names(films: list[Path]) -> None:
     names = [path.name for path in films]
     if twice := next((name for name in names if names.count(name) > 1), ""):
         raise StageError(f"{twice}: two films have this name; rename one, or give another")
+
+
+def _modelled(scene: "Scene", path: Path, air: bool) -> None:
+    """Raise StageError for a `scene`, read from `path`, that the film's model cannot describe."""
+    if scene.motion.source not in ("fea", "structure") or not scene.motion.states:
+        raise StageError(
+            f"{path}: motion.source = {scene.motion.source!r} uses no bending states, which are"
+            " fitted; give a scene with motion.source = 'fea' or 'structure'"
+        )
+    if scene.current is not None and not air:
+        raise StageError(
+            f"{path}: the water that is fitted rests, but [current] moves it; give a film in still"
+            " water and a scene without [current], or a film in air with --air"
+        )
 
 
 def _confirmable(scene: Path, level: str, air: bool) -> None:
@@ -102,11 +117,7 @@ def identify(
         raise StageError(f"--scale {scale:g}: give mm per pixel, as 0.25")
     column, y_down = _pixel(root)
     loaded = load_scene(scene)
-    if loaded.motion.source not in ("fea", "structure") or not loaded.motion.states:
-        raise StageError(
-            f"{scene / 'scene.toml'}: motion.source = {loaded.motion.source!r} uses no bending"
-            " states, which are fitted; give a scene with motion.source = 'fea' or 'structure'"
-        )
+    _modelled(loaded, scene / "scene.toml", air)
     check_states(loaded)
     _confirmable(scene, confirm, air)
     target = output or scene.with_name(f"{scene.name}_twin")

@@ -191,6 +191,17 @@ def test_a_scene_that_uses_no_bending_states_is_refused(tmp_path):
         identify(tmp_path, film=[tmp_path], pressure=[tmp_path], scale=MM, root="1,2")
 
 
+def test_a_scene_in_running_water_is_refused(tmp_path):
+    """Its current was left out of the fitted model without a word."""
+    (tmp_path / "scene.toml").write_text(
+        f'extends = "{CASES / "single_finger"}"\n[motion]\nsource = "fea"\n'
+        f'states = "{CASES / "single_finger" / "kinematics" / "states.h5"}"\n'
+        "[current]\nspeed = 0.05\n"
+    )
+    with pytest.raises(StageError, match=r"the water that is fitted rests, but \[current\]"):
+        identify(tmp_path, film=[tmp_path], pressure=[tmp_path], scale=MM, root="1,2")
+
+
 def priors(*names):
     return {p.name: p.prior for p in twin_of().parameters(list(names))}
 
