@@ -284,6 +284,34 @@ def test_a_resumed_run_begins_with_the_energy_of_its_first_sample(tmp_path):
     assert "1.2 J of kinetic energy and has dissipated 0 J, 0.21 J more" in guard.check(ended=True)
 
 
+def of_ends(folder, rows):
+    """Tables of both ends, of which water enters at the first alone."""
+    for end in ("upstream", "downstream"):
+        table = folder / f"{end}Carried" / "0" / "surfaceFieldValue.dat"
+        table.parent.mkdir(parents=True, exist_ok=True)
+        lines = rows if end == "upstream" else [f"{row.split()[0]} 0 0 (0 0 0)" for row in rows]
+        table.write_text("".join(f"{line}\n" for line in lines))
+
+
+@pytest.mark.parametrize("carried", ["-1 0", "0 -2", "-0.5 -1"])
+def test_a_current_brings_the_energy_that_the_finger_does_not(tmp_path, carried):
+    """2 kg/m³: p and half of |u|² over 1 m³/s that enters bring 2 W, 0.2 J in each 0.1 s."""
+    sampled(tmp_path, "0.1 1.0 0 0\n0.2 1.2 0 0\n0.3 1.4 0 0\n")
+    rows = [f"{time} {carried} (0 0 0)" for time in (0.1, 0.2, 0.3)]
+    of_ends(tmp_path, rows)
+
+    def guard(current):
+        budget = Budget(1e-9)
+        return EnergyGuard(tmp_path, 2.0, 0.0, budget, False, no_work, current=current)
+
+    assert guard(True).check(ended=True) is None
+    assert "0.2 J more" in guard(False).check(ended=True)
+    of_ends(tmp_path, rows[:2])  # the last sample waits for what the ends carried then
+    early = guard(True)
+    assert early.check() is None
+    assert early.rows == 1
+
+
 @pytest.mark.parametrize("viscosity, stops", [(1e-3, True), (0.0, False)])
 def test_the_resolved_dissipation_needs_work(tmp_path, viscosity, stops):
     """1000 kg/m³, 1e-3 m²/s: the integrals 5 and 2 m³/s² are 6 W without work."""
