@@ -181,8 +181,8 @@ def template(keys: list[Key], known: Mapping[str, str] | None = None) -> str:
 
 
 def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> list[str]:
-    """The faults of a table, a sentence for each key; for an unknown one the nearest spelling."""
-    sentences = []
+    """The faults of a table, a sentence for each kind; for an unknown key the nearest spelling."""
+    keys_of = dict[str, list[str]]()  # of each message
     for error in errors:
         key = ".".join(_cut(part) for part in (section, *map(str, error["loc"])) if part)
         key = re.sub(r"\.(\d+)", r"[\1]", key)
@@ -203,8 +203,10 @@ def complaints(errors: list[Any], model: type[BaseModel], section: str = "") -> 
             message = "this key is missing; add it"
         elif error["loc"] and not isinstance(error["input"], dict):
             message += f" (got {_cut(repr(error['input']))})"
-        sentences.append(f"{key}: {message}" if key else message)
-    return sentences
+        keys_of.setdefault(message, []).append(key)
+    return [
+        f"{keys}: {m}" if (keys := ", ".join(filter(None, k))) else m for m, k in keys_of.items()
+    ]
 
 
 def _cut(text: str) -> str:
