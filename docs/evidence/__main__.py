@@ -54,7 +54,8 @@ PARTS = {
     "validation": Part((_study("validation/validation"), _study("validation/convergence"))),
     "checks": Part(((*_PY, "docs.evidence.validation"),), ("validation", "tradeoff")),
     "stability": Part(
-        (_study("single_finger/stability"), _study("pinch/stability"),
+        (_study("single_finger/stability"), _study("single_finger/stability_finer"),
+         _study("pinch/stability"), _study("pinch/stability_finer"),
          (*_PY, "docs.evidence.stability", "--part", "runs")),
     ),
     "drawn": Part(

@@ -41,7 +41,9 @@ TESTS = {  # of each module, below tests/
     "postprocess.evidence.strokes": "unit/postprocess/test_strokes.py",
     "postprocess.compare.quantities": "analytic/postprocess/test_quantities.py",
     "postprocess.lab.register": "analytic/lab/test_lab_registration.py unit/lab/test_lab_motion.py",
-    "softfinger.study.errors": "unit/study/test_tradeoff.py",
+    "softfinger.study.errors": (
+        "unit/study/test_tradeoff.py analytic/postprocess/test_compare_fields.py"
+    ),
 }
 _PAIRS = (
     "Lt Gt, LtE GtE, Eq NotEq, Is IsNot, Add Sub, Mult Div, BitAnd BitOr, And Or, USub UAdd,"

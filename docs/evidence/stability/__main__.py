@@ -2,7 +2,7 @@
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1. So does a
-drawn run that is wrong without a warning.
+run that is wrong without a warning.
 """
 
 import argparse
@@ -13,29 +13,32 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from docs.evidence.stability import drawn, images, page
-from docs.evidence.stability.solver import read_plans, result
+from docs.evidence.stability import drawn, finer, images, page
+from docs.evidence.stability.solver import read_plans
 from pipeline.openfoam.environment import foam_version
 from piv.files.command import guarded
 from piv.files.provenance import versions
 from postprocess.tables import write_table
+from softfinger.study.outcome import outcome_is_there
 from softfinger.study.table import origin
 
-PLAN = "cases/{}/out/studies/stability/plan.json"
-DRAWN = Path("cases/single_finger/out/studies/drawn/plan.json")
-PLANS = [Path(PLAN.format(name)) for name in ("single_finger", "pinch")]
+PLAN = "cases/{}/out/studies/{}/plan.json"
+DRAWN = Path(PLAN.format("single_finger", "drawn"))
+STUDIES = ("stability", "stability_finer")
+PLANS = [[Path(PLAN.format(name, study)) for name in finer.SCENES] for study in STUDIES]
 FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "wrong", "all flagged")  # wrong: with a warning
+JUDGED = ("error_peak", "error_impulse", "force_change", "unexplained_share", "warned")
 RUN_COLUMNS = (
     "scene", "axis", "value", "level", "ranks", "ended", "stage", "stopped_at_s", "bend_deg",
     "tip_speed", "tip_acceleration", "cells", "steps", "courant_max", "continuity_max",
     "non_orthogonality_deg", "work_J", "kinetic_J", "closure_fraction", "from_nothing_fraction",
-    "peak_force_N", "force_of_plate", "warning", "cpu_s", "reason",
+    "peak_force_N", "force_of_plate", *JUDGED, "cpu_s", "reason",
 )  # fmt: skip
 DRAWN_COLUMNS = (
-    "run", "level", "numerics.time_step", "motion.strokes", "mesh.wall_cell", "ended", "error_peak",
-    "error_impulse", "force_change", "unexplained_share", "courant_max", "warned", "reason",
+    "run", "level", "numerics.time_step", "motion.strokes", "mesh.wall_cell", "ended",
+    *JUDGED[:4], "courant_max", "warned", "reason",
 )  # fmt: skip
 IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_unflagged", "reason")
 
@@ -54,15 +57,17 @@ def judge(part: str | None) -> list[dict[str, Any]]:
     made = {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
     if part in (None, "runs"):
-        plan = read_plans(PLANS)
-        ended = [result(row) for row in plan]
+        plan, finer_plan = map(read_plans, PLANS)
+        likes = finer.likes(finer_plan)
+        ended = [finer.errors(run, likes.get(run["run"])) for run in plan]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
         write_table(FOLDER / "runs.csv", table, origin(plan) | made)
     if part in (None, "drawn"):
-        pairs = drawn.pairs(plan := read_plans([DRAWN]))
-        drawn_rows = [run | drawn.result(run, finer) for run, finer in pairs]
+        likes = finer.likes(plan := read_plans([DRAWN]))
+        runs = [run for run in plan if run["run"] in likes and outcome_is_there(run)]
+        drawn_rows = [run | drawn.result(run, likes[run["run"]]) for run in runs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
         head = origin(plan) | made
         table = drawn.with_earlier(table, head["stages"], FOLDER / "drawn.csv")

@@ -4,7 +4,6 @@
 cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
 """
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -12,17 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from docs.evidence.stability import solver
-from pipeline.formats.records import FORCES, RUN
-from pipeline.solve.guards import force_change
-from softfinger.study.outcome import outcome_is_there
+from docs.evidence.stability.finer import CELLS, FINER, STEP, WRONG, errors, write_study
 
 TABLE = Path("cases/single_finger/studies/drawn.csv")
 DRAWS = (("smoke", 41, 40), ("draft", 52, 12))  # level, seed, pairs
-WRONG = 0.2  # of peak force or impulse
 _RESOLVED = 0.2  # change of the force below which the cells decide the error
-_FINER = "_fine"  # end of the name of a run with half the step and cells 2/3 as large
-_FINE = 2 / 3
 _VARIED = ("numerics.time_step", "motion.strokes", "mesh.wall_cell")
 # rates (Hz) at which both time steps (s) sample the sheet
 _STEPS = {1e-3: 200, 2e-3: 250, 2.5e-3: 200, 4e-3: 250, 5e-3: 200, 8e-3: 125, 10e-3: 100}
@@ -51,7 +44,7 @@ def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
             continue
         end = step * np.ceil((_START + rise + _REST) / step)
         stroke = f'[{{"pressure_kpa": {kpa:g}, "start": {_START:g}, "duration": {rise:g}}}]'
-        for end_of_name, part, size in (("", 1.0, cells), (_FINER, 0.5, _FINE * cells)):
+        for end_of_name, part, size in (("", 1.0, cells), (FINER, STEP, CELLS * cells)):
             name = f"{level}_{seed}_{len(rows) // 2}{end_of_name}"
             about = {"run": name, "level": level, "until": "solve", "may_fail": "yes", "ranks": 1}
             motion = {"motion.strokes": stroke, "motion.end_time": f"{end:g}"}
@@ -62,25 +55,8 @@ def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
 
 
 def result(run: dict[str, Any], finer: dict[str, Any]) -> dict[str, Any]:
-    """How a drawn run ended; of a completed one its errors against its `finer` like."""
-    ended = [solver.result(each) for each in (run, finer)]
-    about = ended[0] | {key: run["overrides"].get(key, "") for key in _VARIED}
-    if any(row["ended"] != "completed" for row in ended):
-        return about
-    record = RUN.read(_folder(run) / "run.json")
-    (force, peak, impulse), (_, true_peak, true_impulse) = map(_force, (run, finer))
-    errors = {
-        "error_peak": abs(peak / true_peak - 1),
-        "error_impulse": float(np.hypot(*(impulse - true_impulse)) / np.hypot(*true_impulse)),
-    }
-    wrong, warned = max(errors.values()) > WRONG, bool(record["power_balance"]["warning"])
-    return about | {
-        "ended": ("wrong" if warned else "UNWARNED") if wrong else "completed",
-        **{name: round(error, 3) for name, error in errors.items()},
-        "force_change": round(force_change(force), 3),
-        "unexplained_share": round(record["power_balance"]["unexplained_share"], 3),
-        "warned": "yes" if warned else "no",
-    }
+    """How a drawn run ended, with what was drawn; of a completed one its errors."""
+    return errors(run, finer) | {key: run["overrides"].get(key, "") for key in _VARIED}
 
 
 def calibrated(table: pd.DataFrame) -> dict[str, float]:
@@ -113,35 +89,11 @@ def with_earlier(rows: pd.DataFrame, stages: dict[str, int], path: Path) -> pd.D
     return pd.concat([rows, kept], ignore_index=True)
 
 
-def _folder(run: dict[str, Any]) -> Path:
-    return Path(run["out"]) / "run"
-
-
-def _force(run: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
-    """Force (step, axis) N of a run, its peak and its impulse (axis,) N s."""
-    table = FORCES.read(_folder(run) / "forces.csv")
-    force = table[["fx", "fy"]].to_numpy()
-    return force, float(np.hypot(*force.T).max()), np.trapezoid(force, table["time"], axis=0)
-
-
-def pairs(runs: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Each drawn run of a plan with its finer like, where both have been made."""
-    made = {run["run"]: run for run in runs if outcome_is_there(run)}
-    return [(made[n], made[n + _FINER]) for n in made if n + _FINER in made]
-
-
 def main() -> None:
     """Write the study's table anew."""
     rows = [row for draws in DRAWS for row in draw(*draws)]
-    with TABLE.open("w", encoding="utf-8", newline="") as file:
-        file.write(
-            "# Drawn runs, each with its like at half the step and finer cells, by"
-            " docs/evidence/stability/drawn.py.\n"
-        )
-        columns = dict.fromkeys(key for row in rows for key in row)
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    about = "Drawn runs, each with its like at half the step and finer cells, by"
+    write_study(TABLE, rows, f"{about} docs/evidence/stability/drawn.py.")
 
 
 if __name__ == "__main__":

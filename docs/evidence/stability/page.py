@@ -18,7 +18,6 @@ ENDINGS = {
     "FAILED": "solver failed",
     "HANG": "hang",
 }
-_NOT_OF_RUNS = {"wrong", "UNWARNED"}  # only drawn runs have a finer like
 
 
 def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
@@ -43,8 +42,6 @@ def write(folder: Path) -> None:
     endings = pd.DataFrame({"ending": ENDINGS.values()})
     for name in [name for name in tables if name != "faults"]:
         count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
-        if name == "runs":
-            count |= dict.fromkeys(_NOT_OF_RUNS, "not judged")
         endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())

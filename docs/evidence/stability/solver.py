@@ -94,5 +94,4 @@ def judged(scene: Scene) -> dict[str, Any]:
         "from_nothing_fraction": round(balance["from_nothing_fraction"], 6),
         "peak_force_N": round(peak, 5),
         "force_of_plate": round(share, 4),
-        "warning": balance["warning"],
     }

@@ -10,8 +10,8 @@ from scipy.special import exp1
 
 import piv
 from piv.__main__ import main
-from piv.formats.plane_series import make_plane, read_plane, write_plane
-from piv.momentum.pressure import Balance
+from piv.formats.plane_series import NO_PICTURE, make_plane, read_plane, write_plane
+from piv.momentum.pressure import Balance, _errors, _two_variances, border_of, scatter
 
 RHO = 998.2  # kg/m³
 GRID = np.arange(-0.04, 0.0401, 1e-3)  # m
@@ -209,3 +209,59 @@ def test_what_cannot_have_a_pressure_is_refused(change: Callable, word: str) -> 
     """In one sentence that says why."""
     with pytest.raises(ValueError, match=word):
         piv.pressure(change(cylinder(0)[0].isel(time=slice(0, 3))))
+
+
+def test_sampled_errors_are_correlated_over_the_stated_length() -> None:
+    """exp(-2 (d/length)²): 0.61 at half of the length, 0.14 at the length."""
+    found = _errors(3, (40, 128, 128), 8.0)
+    np.testing.assert_allclose(np.mean(found**2, axis=(1, 2)), 1.0, rtol=1e-5)
+    for apart in (4, 8):
+        correlation = np.mean(found[..., apart:] * found[..., :-apart])
+        # 0.02: forty fields of 256 independent places each are known to 0.01
+        assert abs(correlation - np.exp(-2 * (apart / 8.0) ** 2)) < 0.02
+
+
+def without(series: xr.Dataset, k: int) -> xr.Dataset:
+    """The series with the picture of instant `k` lost."""
+    flag = np.zeros(series["u"].shape, np.uint8)
+    flag[k] = NO_PICTURE
+    there = xr.DataArray(flag == 0, dims=series["u"].dims)
+    lost = {name: series[name].where(there) for name in ("u", "v")}
+    more = {"valid": series["valid"] * there, "flag": (series["u"].dims, flag)}
+    return series.assign(lost | more)
+
+
+def test_the_scatter_about_an_absent_instant_is_that_of_others() -> None:
+    """Of noise of 0.01 m/s; a field that is lost has no second difference."""
+    still = np.zeros((len(TIMES), len(GRID), len(GRID)))
+    series = noisy(still, still, np.ones(still.shape, bool), 0.01, 5)
+    for k in (3, 4):  # 3 %: a median of 6,561 differences of three fields
+        np.testing.assert_allclose(scatter(without(series, 3), k), 0.01, rtol=0.03)
+
+
+def test_two_variances_in_a_mean_square_are_told_apart() -> None:
+    rng = np.random.default_rng(4)
+    parts = [1 + rng.random(20_000), rng.random(20_000)]
+    for wanted in ([2.0, 3.0], [0.0, 3.0], [2.0, 0.0]):
+        squares = sum(w * part for w, part in zip(wanted, parts, strict=True))
+        np.testing.assert_allclose(_two_variances(squares, parts, parts), wanted, atol=1e-9)
+    # of two parts that are alike the first has all
+    np.testing.assert_allclose(_two_variances(3 * parts[0], [parts[0]] * 2, parts), [3.0, 0.0])
+    # none is negative
+    np.testing.assert_array_equal(_two_variances(parts[0] - parts[1], parts, parts)[1], 0.0)
+
+
+def test_the_border_is_the_outermost_rows_and_columns_with_points() -> None:
+    points = np.zeros((6, 7), bool)
+    points[1:5, 2:6] = True
+    inner = np.zeros_like(points)
+    inner[2:4, 3:5] = True
+    np.testing.assert_array_equal(border_of(points) & points, points & ~inner)
+
+
+def test_an_absent_instant_has_no_loads_either() -> None:
+    series, _ = cylinder(73)
+    found = piv.pressure(without(series, MIDDLE), density=RHO, viscosity=0.0, about=ABOUT)
+    for name in ("p", "p_outline", "line_force", "line_moment"):
+        assert np.isnan(found[name].values[MIDDLE]).all(), name
+        assert np.isfinite(found[name].values[MIDDLE - 2]).any(), name

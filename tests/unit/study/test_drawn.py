@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from docs.evidence.stability import drawn
+from docs.evidence.stability import drawn, finer
 from pipeline.formats.records import FORCES
 from pipeline.solve import guards
 from softfinger.study.rows import read_study
@@ -15,12 +15,12 @@ def test_each_drawn_run_has_its_like_at_half_the_step_and_finer_cells():
     rows = read_study(ROOT / drawn.TABLE)
     assert [row.level for row in rows].count("smoke") == 80
     assert [row.level for row in rows].count("draft") == 24
-    for run, finer in zip(rows[::2], rows[1::2], strict=True):
-        assert finer.run == f"{run.run}_fine"
+    for run, like in zip(rows[::2], rows[1::2], strict=True):
+        assert like.run == f"{run.run}_fine"
         step, cell = "numerics.time_step", "mesh.wall_cell"
-        assert finer.overrides[step] == pytest.approx(run.overrides[step] / 2)
-        assert finer.overrides[cell] == pytest.approx(run.overrides[cell] / 1.5, rel=1e-3)
-        assert finer.overrides["motion.strokes"] == run.overrides["motion.strokes"]
+        assert like.overrides[step] == pytest.approx(run.overrides[step] / 2)
+        assert like.overrides[cell] == pytest.approx(run.overrides[cell] / 1.5, rel=1e-3)
+        assert like.overrides["motion.strokes"] == run.overrides["motion.strokes"]
 
 
 @pytest.mark.parametrize(
@@ -44,11 +44,11 @@ def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
         )
         runs.append({"run": name, "out": str(tmp_path / name), "overrides": {}})
     balance = {"warning": warning, "unexplained_share": 0.01}
-    monkeypatch.setattr(drawn.solver, "result", lambda run: {"ended": "completed"})
+    monkeypatch.setattr(finer.solver, "result", lambda run: {"ended": "completed"})
     monkeypatch.setattr(
-        drawn, "RUN", type("", (), {"read": lambda path: {"power_balance": balance}})
+        finer, "RUN", type("", (), {"read": lambda path: {"power_balance": balance}})
     )
-    found = drawn.result(*runs)
+    found = finer.errors(*runs)
     assert found["ended"] == ended
     assert found["error_peak"] == pytest.approx(factor - 1)
     assert found["error_impulse"] == pytest.approx(factor - 1)
@@ -60,7 +60,7 @@ def test_the_warning_of_the_time_step_is_as_drawn_runs_set_it():
     assert pytest.approx(found["factor"], rel=0.2) == guards._ERROR_OF_CHANGE
     # half of the error at which a wrong run would be missed: 1.4 times in the change of the force
     assert 0.5 * found["limit"] >= guards._WRONG
-    assert found["unwarned"] < drawn.WRONG
+    assert found["unwarned"] < finer.WRONG
 
 
 def test_rows_of_pairs_that_are_not_made_anew_stay_where_their_stages_are_the_same(tmp_path):

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from pipeline.formats.records import RUN
 from pipeline.kinematics.camera_window import _turns
@@ -27,6 +28,7 @@ from softfinger.study.accuracy import (
     study_table,
 )
 from softfinger.study.errors import (
+    _thinned,
     force_error,
     own_errors,
     same_vortex,
@@ -99,6 +101,22 @@ def test_a_vortex_is_compared_where_both_sources_have_found_it():
     assert vortex_errors(tip, same, window, 0.02)["error_centre_mm"] == pytest.approx(3.0)
     assert same_vortex(weak, tip, window).empty
     assert tip_vortex(known.assign(tip_distance=3.0), window).empty
+    # one as strong that lies nearer to the origin is another
+    both = pd.concat([vortices(time, x=0.1 * time - 0.02), other], ignore_index=True)
+    two = same_vortex(both, tip, window)
+    assert list(two.columns) == list(other.columns)
+    np.testing.assert_allclose(two["x"], 0.1 * tip["time"] + 0.003)
+    # one instant of ten times the circulation, which is no vortex's, does not hide the others
+    spike = vortices(time, circulation=np.where(time == 0.3, -0.06, -0.006))
+    assert len(tip_vortex(spike, window)) == len(time)
+
+
+@pytest.mark.parametrize("step, kept", [(0.001, 13), (0.05, 2)])
+def test_about_twelve_instants_of_a_window_are_compared(step, kept):
+    times = np.arange(0.0, 0.2, step)
+    found = _thinned(xr.Dataset(coords={"time": times}), (0.05, 0.1 + 1e-9))["time"].values
+    assert len(found) == kept
+    assert np.all((found >= 0.05) & (found < 0.101))
 
 
 def test_windows_are_the_middle_of_the_stroke_and_three_parts_of_the_rest():
@@ -271,6 +289,14 @@ def test_the_best_runs_own_error_is_extrapolated_from_the_next_level():
     # cells of half the size: a quarter of the error, so a third of the difference
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
     assert own_errors(table, runs[:1], "medium") == {}
+    # a level that is coarser still is not used
+    table.loc["smoke"] = table.loc["draft"]
+    table.loc["smoke", ["cells", "error", "error_circulation"]] = 12.5, 0.9, 0.9
+    runs.append(run | {"run": "smoke"})
+    assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.04)
+    # in a plane eight times the cells are 8**0.5 times as fine
+    plane = own_errors(table.assign(model="2d"), runs, "medium")
+    assert plane["error"] == pytest.approx(0.12 / 7)
     # errors of first order: cells of half the size have the best run's own error as difference
     table.loc["draft", "error_circulation"] = 0.12 * (16 ** (1 / 3) - 1)
     assert own_errors(table, runs, "medium")["error"] == pytest.approx(0.12)
