@@ -5,6 +5,7 @@ python -m docs.evidence.reference
 
 import csv
 import io
+import sys
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
@@ -17,21 +18,22 @@ from pipeline.formats import records
 from pipeline.scene.key_reference import Key
 from pipeline.scene.read_toml import read_layers
 from piv.files.atomic import write_text
+from piv.files.command import guarded
+from piv.files.errors import StageError
 from piv.files.json_text import flat
-from piv.files.schema import Schema
+from piv.files.schema import Schema, Table
 from piv.formats import vortex_table
 from postprocess.lab.dpiv_toml import KEYS
 from softfinger.scene_reference import keys
 
 FOLDER = ROOT / "docs" / "reference"
 _TABLES = {
-    "vortices_*.csv": ", ".join(vortex_table.COLUMNS),
-    "run/forces.csv": records.FORCES.header,
-    "run/power.csv": records.POWER.header,
-    "run/power_terms.csv": records.POWER_TERMS.header,
-    "run/through_flow.csv": records.THROUGH_FLOW.header,
-    "run/history.csv": records.HISTORY.header,
-    "mesh_quality.csv": records.MESH_QUALITY.header,
+    "run/forces.csv": records.FORCES,
+    "run/power.csv": records.POWER,
+    "run/power_terms.csv": records.POWER_TERMS,
+    "run/through_flow.csv": records.THROUGH_FLOW,
+    "run/history.csv": records.HISTORY,
+    "mesh_quality.csv": records.MESH_QUALITY,
 }
 _OF_A_KEY = ("key", "type", "unit", "default", "meaning")
 
@@ -49,15 +51,21 @@ def schemas() -> list[Schema]:
 
 
 def formats() -> str:
-    """The variables and attributes of every format."""
-    rows = []
+    """The variables and attributes of every format; StageError where one is not described."""
+    page = (FOLDER.parent / "formats.md").read_text(encoding="utf-8")
+    if new := [schema.format for schema in schemas() if f"| {schema.format} |" not in page]:
+        raise StageError(f"docs/formats.md: add a row for the format {new[0]}")
+    known = [*_TABLES.values()]
+    if new := [n for n, t in vars(records).items() if isinstance(t, Table) and t not in known]:
+        raise StageError(f"docs/evidence/reference.py: name the file of {new[0]} in _TABLES")
+    rows = [("vortices_*.csv", ", ".join(vortex_table.COLUMNS), "columns", "SI", "")]
     for schema in schemas():
         declared = [("", v) for v in schema.root] + [("<group>/", v) for v in schema.group]
         for place, v in declared:
             dims, meaning = "attribute" if v.dims == "-" else v.dims, "optional: " * v.optional
             name = f"{schema.format} {schema.version}"
             rows.append((name, place + v.name, dims, v.units, meaning + v.meaning))
-    rows += [(file, names, "columns", "SI", "") for file, names in _TABLES.items()]
+    rows += [(file, table.header, "columns", "SI", "") for file, table in _TABLES.items()]
     return _csv(("format", "name", "dimensions", "unit", "meaning"), rows)
 
 
@@ -89,6 +97,12 @@ def _csv(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
 
 PAGES = {"formats.csv": formats, "scene_keys.csv": scene_keys, "dpiv_keys.csv": dpiv_keys}
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Write all of them."""
     for name, text in PAGES.items():
         write_text(Path(FOLDER / name), text())
+
+
+if __name__ == "__main__":
+    sys.exit(guarded("reference", main))

@@ -51,7 +51,7 @@ class Camera(Section):
     electrons_per_level: Annotated[NotNegative, Field(le=1e6)] = 50.0
     """Which make the shot noise; 0: none [1/grey level]"""
     shadow: Annotated[NotNegative, Field(le=1)] = 0.0
-    """Share of the light that is taken away behind the finger, 0 to 1"""
+    """Share of the light that is taken away behind the finger, 0 to 1 [1]"""
     frame_rate_hz: Positive | None = None
     """Absent: that of the sheet [Hz]"""
     pairs_every: Annotated[Count, Field(le=10_000)] = 1

@@ -68,7 +68,7 @@ class Law(Section):
     rate: Number | None = None
     """Of a power law [m or deg, per s^(exponent + 1)]"""
     exponent: Annotated[NotNegative, Field(le=4)] | None = None
-    """Of a power law"""
+    """Of a power law [1]"""
 
     @model_validator(mode="after")
     def _complete(self) -> "Law":

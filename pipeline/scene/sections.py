@@ -125,7 +125,7 @@ class Motion(Section):
     recording: str | None = None
     """File of a motion as a camera saw it (motion.h5), for source = "recording" """
     recording_factor: Annotated[Positive, Field(le=10)] = 1.0
-    """On the recording's bending, to measure what an error of it does"""
+    """On the recording's bending, to measure what an error of it does [1]"""
     start_pressure_kpa: Pressure = 0.0
     """Before the first stroke [kPa]"""
     strokes: tuple[_Segment, ...] = ()
@@ -234,7 +234,7 @@ class Mesh(Section):
     wall_layers: Annotated[Count, Field(le=40)]
     """Number of layers at the wall"""
     wall_growth: Annotated[Number, Field(ge=1, le=2)] = 1.3
-    """From layer to layer"""
+    """From layer to layer [1]"""
     wall_distance: Positive = 0.002
     """From the wall within which triangles are as small as at the wall [m]"""
     tip_cell: Positive
@@ -258,9 +258,9 @@ class Mesh(Section):
     sheet_layer: Positive = 2.3e-3
     """Largest thickness along z between the side edges: what the sheet's vortex needs [m]"""
     layer_growth: Annotated[Number, Field(ge=1.02, le=5)] = 1.5
-    """Of the layers along z with the distance from the edge"""
+    """Of the layers along z with the distance from the edge [1]"""
     wall_grading: Annotated[float, Field(ge=0, le=1)] = 0.0
-    """Growth of cells with the distance from the wall's, with near = "tip" from all; 0: a jump"""
+    """Growth of cells with the distance from the wall's, near = "tip": from all; 0: a jump [1]"""
     planform: Literal["triangles", "quads"] = "triangles"
     """Cells beyond the layers at the wall"""
     max_non_orthogonality_deg: Annotated[Positive, Field(lt=90)] = 65.0
@@ -305,7 +305,7 @@ class Numerics(Section):
     non_orthogonal_correctors: Annotated[Whole, Field(ge=0, le=10)] = 1
     """Of each pressure correction"""
     max_courant: Annotated[Positive, Field(ge=0.01, le=100)] = 20.0
-    """Courant number at which the run is stopped"""
+    """Courant number at which the run is stopped [1]"""
 
     def sampling_steps(self, rate_hz: float) -> int:
         """Time steps between two pictures of the sheet; ValueError unless a whole number."""

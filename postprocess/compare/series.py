@@ -10,6 +10,7 @@ from postprocess.compare.quantities import paired
 from postprocess.evidence import fields
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.evidence.evidence import Evidence, Part
+from postprocess.evidence.time_windows import Clock
 
 _Window = tuple[float, float]
 REST = 0.01  # of the scale; a correlation of slower fields says nothing
@@ -52,6 +53,17 @@ def summary(evidence: Evidence, window: _Window) -> dict[str, Any]:
         pair = _or_none(paired, Part(evidence, "piv-cfd", window))
         out["piv-cfd"] = _velocity_numbers(evidence, window) | _pair_numbers(pair)
     return out
+
+
+def closing(clock: Clock) -> dict[str, float | None]:
+    """When the tips of a pinch meet (s; None: never), gaps (m), and the speed of closing (m/s)."""
+    time, gap = clock.gaps()
+    return {
+        "contact_time": clock.met(),
+        "residual_gap": clock.residual_gap,
+        "least_gap": float(gap.min()),
+        "peak_closing_speed": float(-(np.gradient(gap, time).min())),
+    }
 
 
 def _velocity_numbers(evidence: Evidence, window: _Window) -> dict[str, Any]:

@@ -22,10 +22,9 @@ from postprocess.compare.findings import (
     read_findings,
     read_sentences,
 )
-from postprocess.compare.pinch_summary import pinch_summary
 from postprocess.compare.quantities import QUANTITIES
 from postprocess.compare.resolution import SCALED, Resolution, resolution, widened
-from postprocess.compare.series import series_table, summary
+from postprocess.compare.series import closing, series_table, summary
 from postprocess.evidence.evidence import Evidence, Measured, Part
 from postprocess.evidence.load import load_evidence
 from postprocess.evidence.stage_files import StageFiles
@@ -162,7 +161,7 @@ def compare(files: StageFiles) -> dict[str, Any]:
         tip = next(iter(tips.values()), evidence.vortices["piv"].iloc[:0])
         seen = resolution(files.numbers, tip[tip["time"].between(*judged)], evidence.scale)
     checks = [judge(finding, evidence, seen) for finding in findings]
-    pinch = {"pinch": pinch_summary(evidence)} if evidence.pairs else {}
+    pinch = {"pinch": closing(clock)} if evidence.pairs else {}
     result = {
         "scene": files.scene,
         "level": files.level,

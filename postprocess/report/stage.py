@@ -14,7 +14,6 @@ from postprocess.evidence.stage_files import StageFiles
 from postprocess.report import trust, wording
 from postprocess.report.assumptions import flow_numbers, purpose, statements
 from postprocess.report.page_template import data_uri, page_template
-from postprocess.report.pinch_table import pinch_table
 
 
 def make_report(files: StageFiles) -> Path:
@@ -51,7 +50,6 @@ def make_report(files: StageFiles) -> Path:
         strokes=len(scene.motion.strokes),
         sections=sections,
         pinch=pinch,
-        pinch_table=pinch_table(pinch) if pinch else None,
         slider=slider,
         middle_frame=len(slider[0]["times"]) // 2,
         slider_data=json.dumps(

@@ -330,7 +330,7 @@ def test_the_page_of_a_pinch_shows_both_fingers(pinched):
     page = Page(text)
     assert page.errors == []
     assert "pinch" in {attrs.get("id") for tag, attrs in page.elements if tag == "section"}
-    told = {"stop 0.5", "imbalance of the pair", "make single_finger LEVEL=coarse", "left finger"}
+    told = {"stop 0.5", "make single_finger LEVEL=coarse", "left finger"}
     assert {words for words in told | {"second: (a)"} if words not in text} == set()
     for source in ("cfd", "piv"):
         pairs = pd.read_csv(pinched.out / f"pairs_{source}.csv")

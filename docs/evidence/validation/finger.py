@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from docs.evidence.dorsal_circulation import dorsal_circulation
 from docs.evidence.validation.checks import Check, Result
 from docs.evidence.validation.convergence import Estimate, estimate
 from docs.evidence.validation.solve import CASES, record_of, solved, stage_versions
 from pipeline.runs.run import run_of
 from pipeline.scene.scene import Scene, load_scene
 from piv.formats.plane_series import read_plane
-from postprocess.evidence.dorsal_circulation import dorsal_circulation
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.tip_vortex import COMPARED, dominant_track, read_vortices
 from softfinger.study.table import middle_of_stroke, missing_runs, read_plan

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from docs.evidence.dorsal_circulation import dorsal_circulation
 from piv.vortices.lamb_oseen_fit import lamb_oseen
-from postprocess.evidence.dorsal_circulation import dorsal_circulation
 
 GAMMA, X0, Y0, WIDTH = -8e-3, 0.011, 0.172, 0.0167
 AXIS = np.arange(-0.06, 0.0601, 0.0005)

@@ -9,10 +9,10 @@ import pytest
 
 from docs.evidence.small_scene import shared_data
 from piv import correlate_pair, usable
-from piv.formats.plane_series import OUTLIER, UNCERTAIN, absent, read_plane
+from piv.formats.plane_series import OUTLIER, UNCERTAIN, read_plane
 from piv.images.preprocess import Preprocessor
 from piv.images.recording import Recording
-from tests.piv_command import made, piv
+from tests.piv_command import made
 
 DATA = shared_data()
 if DATA is None or not (DATA / "piv_failing").is_dir():
@@ -34,72 +34,6 @@ def folder(tmp_path_factory):
 
 def grey(image):
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
-
-
-@pytest.mark.parametrize(
-    "source, lost",
-    [
-        ("film_black", {4, 5}),
-        ("film_double", {7, 8}),
-        ("pairs_gap", {3}),
-        ("pairs_LA", set()),
-    ],
-)
-def test_recordings_with_lost_pictures(folder, tmp_path, source, lost):
-    made("correlate", folder / source, "-o", tmp_path / "o.h5", "--rate", 10, "--interval", 0.1
-         if source.startswith("film") else 0.01)  # fmt: skip
-    with read_plane(tmp_path / "o.h5") as plane:
-        assert set(np.flatnonzero(absent(plane))) == lost
-        np.testing.assert_allclose(np.diff(plane["time"]), 0.1)
-        there = usable(plane).values[~absent(plane)]
-        assert there.mean() > 0.95  # without the edge of the picture
-
-
-@pytest.mark.parametrize(
-    "files, options, remedy",
-    [
-        (["double_frame.tif"], ["--layout", "top-bottom"], "--layout"),
-        (["float_a.tif", "float_b.tif"], [], None),
-    ],
-)
-def test_pictures_of_other_kinds(folder, tmp_path, capsys, files, options, remedy):
-    names = [folder / name for name in files]
-    if remedy:
-        assert piv("correlate", *names, "-o", tmp_path / "o.h5") == 2
-        assert remedy in capsys.readouterr().err
-    made("correlate", *names, "-o", tmp_path / "o.h5", *options)
-    with read_plane(tmp_path / "o.h5") as plane:
-        u, v = lamb_oseen(80.0, 70.0, 600.0, 20.0)(*np.meshgrid(plane["x"], plane["y"]))
-        away = np.hypot(*np.meshgrid(plane["x"] - 80, plane["y"] - 70)) > 30  # of the core
-        assert usable(plane).values.mean() > 0.95
-        # the law of the pictures; a window smooths little away from the core
-        assert float(np.abs(plane["u"][0] - u - 1.3).where(away).max()) < 0.15
-        assert float(np.abs(plane["v"][0] - v - 0.7).where(away).max()) < 0.15
-
-
-@pytest.mark.parametrize(
-    "name, options, missing",
-    [
-        ("openpiv_5_columns.txt", "--length-unit px --velocity-unit px/frame --y-axis up", True),
-        ("davis8.txt", "", False),
-        ("insight.vec", "", False),
-    ],
-)
-def test_vectors_of_other_programs(folder, tmp_path, capsys, name, options, missing):
-    if missing:
-        assert piv("convert", folder / name, "-o", tmp_path / "o.h5") == 2
-        assert "--length-unit (" in capsys.readouterr().err
-    made("convert", folder / name, "-o", tmp_path / "o.h5", *options.split())
-    with read_plane(tmp_path / "o.h5") as plane:
-        assert (plane["valid"] == 1).all()
-        assert plane.sizes == {"x": 12, "y": 9}
-        # y of the DaVis file grows from the top of the picture
-        sign = -1 if name.startswith("davis") else 1
-        scale = 1 if plane["x"].attrs["units"] == "px" else 1e-3
-        x, y = np.meshgrid(plane["x"] / scale, sign * plane["y"] / scale)
-        u, v = lamb_oseen(80.0, 70.0, 600.0, 20.0)(x, y)
-        np.testing.assert_allclose(plane["u"], u + 1.5, atol=1e-4)
-        np.testing.assert_allclose(plane["v"], sign * v, atol=1e-4)
 
 
 def test_bright_lines_at_rest_in_a_pair(folder, tmp_path, capsys):

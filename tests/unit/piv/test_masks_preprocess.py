@@ -11,7 +11,7 @@ from piv.correlation.options import Options
 from piv.correlation.pair import correlate_pair
 from piv.fields.summary import summary
 from piv.formats.plane_series import read_plane
-from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask, read_mask
+from piv.images.masks import dark_body, outline_masks, polygon_mask, polygons_mask
 from piv.images.open_recording import open_recording
 from piv.images.preprocess import Preprocessor, background
 from piv.sequence.frame_sets import SequenceOptions
@@ -28,11 +28,8 @@ def particles(shape=(512, 640), seed=0, density=0.04):
     return cv2.GaussianBlur(image, (0, 0), 0.8), rng
 
 
-def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path):
+def test_a_threshold_that_masks_everything_is_refused():
     picture = np.full((40, 50), 30, np.uint8)
-    cv2.imwrite(str(tmp_path / "photo.png"), picture)
-    with pytest.raises(ValueError, match=r"photo.png: masks 100\.0% of the picture"):
-        read_mask(tmp_path / "photo.png", (40, 50))
     words = "below grey level 900 masks the whole image; give a lower `threshold`"
     with pytest.raises(ValueError, match=words):
         dark_body(picture, threshold=900)
@@ -41,17 +38,6 @@ def test_a_photograph_and_a_threshold_that_mask_everything_are_refused(tmp_path)
     picture[20:60, 20:80] = 200
     with pytest.raises(ValueError, match="masks the whole image"):
         dark_body(picture, threshold=100)
-
-
-def test_read_mask_refuses_other_sizes(tmp_path):
-    body = np.eye(5, 6, dtype=np.uint8)
-    cv2.imwrite(str(tmp_path / "m.png"), body)
-    assert (read_mask(tmp_path / "m.png", (5, 6)) == body).all()
-    with pytest.raises(ValueError, match="6x5 px"):
-        read_mask(tmp_path / "m.png", (6, 6))
-    (tmp_path / "p.csv").write_text("0,0\n5,x\n")
-    with pytest.raises(ValueError, match="x and y in px of at least 3 corners"):
-        read_mask(tmp_path / "p.csv", (5, 6))
 
 
 @pytest.mark.parametrize("shade", [1.0, 0.6])
