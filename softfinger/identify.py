@@ -89,7 +89,8 @@ def identify(
     rate: Annotated[float | None, Parameter(help="Pictures a second; absent: the file's.")] = None,
     air: Switch = False,
     confirm: Annotated[
-        str, Parameter(help="Level of two coupled runs that correct the water's share: draft.")
+        str,
+        Parameter(help="Level of five coupled runs, for the water's share and the flow: draft."),
     ] = "",
     output: Annotated[Path | None, Parameter(help="The new scene's folder.")] = None,
 ) -> Path:
@@ -105,6 +106,7 @@ def identify(
     from softfinger.twin.advice import FOLDER, advised
     from softfinger.twin.confirm import compared, corrected, coupled, water
     from softfinger.twin.film import shape_of
+    from softfinger.twin.flow import LAST, flow_bands
     from softfinger.twin.identify import identified, judged, record
     from softfinger.twin.model import Twin, read_stroke
     from softfinger.twin.page import write_page
@@ -137,16 +139,17 @@ def identify(
     _write_scene(target, scene, twin, found, film)
     more: dict[str, Any] = {}
     if confirm:
-        run = coupled(twin, target, confirm, to_fit[0], "corrects")
+        _, run = coupled(twin, target, confirm, to_fit[0], "corrects")
         of_water = water(twin, found.values(), to_fit[0], run)
         twin = replace(twin, water=corrected(of_water))
         found = identified(twin, to_fit, found)
         _write_scene(target, scene, twin, found, film)
-        run = coupled(twin, target, confirm, strokes[-1], "confirms")
+        base, run = coupled(twin, target, confirm, strokes[-1], "confirms", last=LAST)
+        flow = flow_bands(twin, found, target, confirm, strokes[-1], base)
     fitted = [judged(twin, found, stroke) for stroke in to_fit]
     held = judged(twin, found, strokes[-1]) if hold_out else None
     if confirm:
-        more["coupled"] = {"level": confirm, "water": of_water.table()}
+        more["coupled"] = {"level": confirm, "water": of_water.table(), "flow": flow}
         more["coupled"] |= compared(twin, held or fitted[-1], run)
     more["next"] = advised(twin, found, to_fit[0], target / FOLDER)
     about = json.dumps(record(found, fitted, held, more), indent=1)
@@ -171,6 +174,8 @@ def _print_result(found: "Fit", more: dict[str, Any]) -> None:
     print(f"outlines differ by {found.rms:.2f} px (RMS)")
     if "coupled" in more:
         print(CONFIRMED.format(**more["coupled"]))
+        for row in more["coupled"]["flow"]:
+            print("{name}: {value:.3g}, {band[0]:.3g} to {band[1]:.3g}".format(**row))
     print(f"next: {advice(found, more['next'])}")
 
 

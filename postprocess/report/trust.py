@@ -75,6 +75,21 @@ def level_error(
     return LevelError(unknown)
 
 
+def measured_errors(scenes: list[Path], level: str) -> dict[str, float]:
+    """Errors of a level in mid-stroke, by column of errors.csv; empty where none was measured.
+
+    `scenes`: as of `level_error`.
+    """
+    for folder in scenes:
+        path = folder / "studies" / "results" / "errors.csv"
+        table = pd.read_csv(path, comment="#") if path.exists() else pd.DataFrame({"run": []})
+        rows = table[table["run"] == level]
+        if len(rows):
+            first = rows.sort_values("start_s").iloc[0]
+            return {name: float(first[name]) for name in _ERRORS if pd.notna(first.get(name))}
+    return {}
+
+
 def _stretched(windows: pd.DataFrame, middle: tuple[float, float]) -> pd.DataFrame:
     """Windows (s) of a stroke of another pace, of which the first is the middle of the stroke."""
     start, end = windows.loc[0, ["start_s", "end_s"]]

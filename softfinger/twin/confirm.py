@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from pipeline.formats.bending_states import write
 from pipeline.formats.elastic_motion import FILE, read_elastic_motion
-from pipeline.runs.run import open_run
+from pipeline.runs.run import Run, open_run
 from pipeline.structure.finger import ElasticFinger
 from piv.formats.user_tables import read_history
 from softfinger.make import Machine, make
@@ -16,13 +17,17 @@ from softfinger.twin.fit import Fit, FloatArray, Parameter, fit
 from softfinger.twin.identify import Judged, best_start
 from softfinger.twin.model import (
     DRAG,
+    LOADS,
+    LOSS,
     MASS,
     PRIORS,
     SMOOTHING,
     START,
+    STIFF,
     Motion,
     Stroke,
     Twin,
+    scaled,
     tip_of,
     write_log,
 )
@@ -31,15 +36,24 @@ LEAST_STD = 0.05  # of the water's coefficients: the errors of a coarse grid
 _NOISE_PX = 0.1  # no camera blurs it
 
 
-def coupled(twin: Twin, folder: Path, level: str, stroke: Stroke, name: str) -> Motion:
+def coupled(
+    twin: Twin,
+    folder: Path,
+    level: str,
+    stroke: Stroke,
+    name: str,
+    rubber: dict[str, float] | None = None,
+    last: str = "solve",
+) -> tuple[Run, Motion]:
     """The coupled run of the scene in `folder` under a stroke's pressure, in out/`name`.
 
-    A log that begins before the film is followed from its beginning. StageError.
+    A log that begins before the film is followed from its beginning. `rubber`: parameters in place
+    of those of the scene; `last`: stage up to which it is made. StageError.
     """
     out = folder / "out" / name
     t, p = read_history(stroke.pressure, "pressure", least=2)
     begin = min(float(t[0]), 0.0)
-    log = folder / "out" / f"{name}.csv"
+    log, states = (folder / "out" / f"{name}{end}" for end in (".csv", ".h5"))
     write_log(log, t - begin, p)
     step = twin.scene.numerics.time_step
     moved = {
@@ -47,12 +61,15 @@ def coupled(twin: Twin, folder: Path, level: str, stroke: Stroke, name: str) -> 
         "motion.pressure_csv": str(log.resolve()), "motion.smoothing": SMOOTHING,
         "motion.end_time": step * int((t[-1] - begin) / step),
     }  # fmt: skip
+    if rubber is not None:
+        write(states, scaled(twin.states, rubber[STIFF], rubber[LOADS]))
+        moved |= {"motion.states": str(states.resolve()), "structure.loss_factor": rubber[LOSS]}
     run = open_run(folder, level, moved, out)
-    make(run, "solve", Machine())
+    make(run, last, Machine())
     motion = read_elastic_motion(out / FILE)
     time, pressure, turned = (motion[key].values for key in ("time", "pressure", "delta"))
     outlines = twin.outlines(ElasticFinger.of(run.scene), pressure, turned)
-    return time + begin - 0.5 * SMOOTHING, outlines  # as the averaged pressure lags
+    return run, (time + begin - 0.5 * SMOOTHING, outlines)  # as the averaged pressure lags
 
 
 def water(twin: Twin, values: dict[str, float], stroke: Stroke, run: Motion) -> Fit:

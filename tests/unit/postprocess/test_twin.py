@@ -12,6 +12,7 @@ from scipy.interpolate import make_interp_spline
 
 from docs.evidence.small_scene import write_scene
 from docs.evidence.twin import Camera, turned
+from pipeline.formats.elastic_motion import FILE, read_elastic_motion
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
@@ -22,6 +23,7 @@ from softfinger.twin.advice import candidates, with_film
 from softfinger.twin.confirm import compared, coupled, water
 from softfinger.twin.film import Film, film_times, read_film
 from softfinger.twin.fit import BAND, Fit, Parameter, fit, independent_share
+from softfinger.twin.flow import GRID, LAST, band, flow_bands
 from softfinger.twin.identify import Judged, shares, warnings
 from softfinger.twin.model import (
     AWAY,
@@ -390,19 +392,43 @@ def test_a_coupled_run_is_compared_with_the_film_at_a_start_of_its_own(tmp_path)
 
 @pytest.mark.openfoam
 @pytest.mark.slow
-def test_a_coupled_run_follows_the_films_pressure(tmp_path):
+def test_coupled_runs_follow_the_films_pressure_and_tell_the_bands_of_its_flow(tmp_path):
     """On a few hundred cells of a plane, until 0.04 s: within 1 mm of the chain's tip."""
     scene = write_scene(tmp_path / "scene")
     twin, log = Twin(scene, twin_of().pose, SIZE), tmp_path / "p.csv"
     log.write_text("t,p\n-0.01,0\n0,3000\n0.01,9000\n0.03,9000\n")
     stroke = Stroke(Film("a", np.array([0.0, 0.02]), *2 * [np.zeros((1, 1, 1))]), log)
-    time, outlines = coupled(twin, scene.folder, "tiny", stroke, "corrects")
+    base, (time, outlines) = coupled(twin, scene.folder, "tiny", stroke, "confirms", last=LAST)
     assert time[0] == pytest.approx(-0.015)
     assert time[-1] == pytest.approx(0.025)
     values = priors("a")
     own, other = (twin.at_pictures(values, stroke, run) for run in (None, (time, outlines)))
     assert np.abs(tip_of(own) - tip_of(other)).max() < 1e-3
     assert np.ptp(tip_of(other), axis=0).max() > 1e-3
+
+    rows = flow_bands(twin, found_of(), scene.folder, "tiny", stroke, base)
+    force = next(row for row in rows if row["name"] == "largest force, N")
+    low, high = force["band"]
+    assert 0 < low < force["value"] < high
+    # all three are known to 2.5 %, and damping changes least; the level's error was not measured
+    assert force["shares"].keys() == {"rubber", "damping"}
+    assert force["shares"]["rubber"] > 0.9
+    paths = [out / FILE for out in (base.scene.out, scene.folder / "out" / "damping")]
+    first, damped = (read_elastic_motion(path)["delta"].values for path in paths)
+    assert np.abs(first - damped).max() > 0
+
+
+def test_the_band_of_a_number_of_the_flow_has_the_shares_of_a_sum():
+    """0.3 and 0.4 of independent parameters and an error of 0.5: half of the variance."""
+    found = found_of()
+    found = replace(found, covariance=np.eye(len(found.z)))
+    slopes = np.array([0.3, 0.0, 0.4])
+    row = band(5.0, slopes, found, 0.1)
+    assert row["band"] == pytest.approx([5 - 1.96 * 0.5**0.5, 5 + 1.96 * 0.5**0.5])
+    assert row["shares"] == pytest.approx({"rubber": 0.18, "damping": 0.32, GRID: 0.5})
+    alone = band(5.0, slopes, found, None)
+    assert alone["band"][1] == pytest.approx(5 + 1.96 * 0.5)
+    assert GRID not in alone["shares"]
 
 
 @pytest.mark.slow
