@@ -38,13 +38,15 @@ def write_current(
         inflow = "type timeVaryingMappedFixedValue; mapMethod nearest; setAverage no;"
         _write_samples(folder, middles, share, times, speed)
     slips = {"tank": "type slip;"} if current.walls == "slip" else {}
+    held = {"top": "type noSlip;"} if current.channel else {}
     zero = dict.fromkeys(ENDS, "type zeroGradient;")
     entries = {
         "U": {
             "upstream": inflow + first,
             "downstream": "type pressureInletOutletVelocity;" + first,
         }
-        | slips,
+        | slips
+        | held,
         # an accelerated stream has a gradient of the pressure there; fixedFluxPressure has none
         "p": {
             "upstream": "type fixedFluxExtrapolatedPressure; value uniform 0;",

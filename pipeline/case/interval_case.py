@@ -226,7 +226,7 @@ def write_interval(
         stream = stream.held() if name == LEAD else stream
         times = Steps.of(interval.begin, interval.end, scene.numerics.time_step).times
         write_current(stream, times, mesh, points, folder)
-        if name == LEAD:
+        if name == LEAD and not stream.current.channel:  # whose parabola runs in from the inflow
             corners = planform["triangles"].values, planform["quads"].values
             start_stream(stream, cell_centres(nodes, *corners)[mesh.cell_column, 1], folder)
     if name == LEAD:

@@ -42,7 +42,7 @@ _HESSIAN = 10  # steps that the mesh's Hessian serves, and between two checks of
 # the pinch at 30 kPa and medium 5.7, at the peak of its impact.
 _BEYOND = 8.0
 _PAUSE = 1e-3  # s
-_MODES = 8
+_MODES = 8  # at least
 _NUDGE, _NUDGE_PA = 1e-4, 10.0  # rad and Pa
 
 
@@ -122,13 +122,19 @@ class Follower(KnownMotion):
     def _inertia(self, number: int) -> FloatArray:
         """The water's inertia (slice, 3, slice + 1), as Coupling's, at the end of a step.
 
-        Angular accelerations are taken as polynomials along the finger: finer ones meet a chain
-        that is stiff against them.
+        Angular accelerations are taken as polynomials along the finger: waves that are finer meet a
+        chain that is stiff against them. Within a step the stiffness weighs EI k⁴ step² / 2 against
+        a wave of number k, the water on both sides 2 ρ width / k, which is taken twice; where that
+        asks for more than _MODES, half as many again let a sudden load ring less.
         """
         run, planform, chain = self._run, self._planform, self._run.finger.chain
         pressure, delta = run.state(number)
+        stiffness = float(np.interp(pressure, chain.pressure, chain.law.stiffness))
+        water = 8 * run.scene.fluid.density * chain.width / stiffness / run.step**2
+        needed = 0.5 * water**0.2 * chain.arc[-1]
+        count = _MODES if needed <= _MODES else int(np.ceil(1.5 * needed))
         arc = np.linspace(-1, 1, len(delta))
-        modes = np.linalg.qr(np.polynomial.legendre.legvander(arc, min(_MODES, len(arc)) - 1))[0]
+        modes = np.linalg.qr(np.polynomial.legendre.legvander(arc, min(count, len(arc)) - 1))[0]
         now = run.outline(pressure, delta)
         nudged = [run.outline(pressure, delta + _NUDGE * mode) for mode in modes.T]
         moved = [(outline - now) / _NUDGE for outline in nudged]

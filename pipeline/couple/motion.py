@@ -15,6 +15,7 @@ from pipeline.kinematics.contact import gap, nearest
 from pipeline.kinematics.finger import finger_motion
 from pipeline.kinematics.values import kinematics_values, write_motion
 from pipeline.openfoam.displacement_files import steps_of
+from pipeline.scene.current import lead_steps
 from pipeline.scene.scene import Scene
 from pipeline.solve.interval import SolverInterval
 from pipeline.structure.coupling import Coupling
@@ -46,7 +47,9 @@ class CoupledMotion:
         self.last = steps_of(scene.motion.end_time, self.step)
         self.finger, self.copies = ElasticFinger.of(scene), copies(scene)
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
-        self.history = Coupling(self.finger.chain, self.step, self.finger.water, pressure)
+        running = lead_steps(scene) > 0
+        chain, water = self.finger.chain, self.finger.water
+        self.history = Coupling(chain, self.step, water, pressure, running)
         self.force = np.zeros(self.last + 1)  # of the contact, N
         self._film = 0.0  # N s: the film's impulse by its strain (`_strain`)
         if scene.pinch is not None:

@@ -75,7 +75,7 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
         return (
             "Pressure and water make the finger's motion together. Computed again under the loads"
             f" of the run{order} its tip moves by {values['tip_change'] * 1e3:.2g} mm, and"
-            f" {100 * values['open_energy']:.1f} % of the pressure's work is unexplained."
+            f" {100 * values['open_energy']:.1f} % of the work is unexplained."
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"
                 " bending was analysed."

@@ -148,10 +148,8 @@ def read_kinematics(path: Path) -> Kinematics:
     try:
         parameter = data[SHAPE_OF_TIME if SHAPE_OF_TIME in data else "pressure"].values
         law = CubicSpline(data["time"].values, parameter)
-        # a rigid body may rest in a current
-        moves = np.ptp(parameter) > 0 or data.attrs["source"] == "rigid"
-        if not (moves and np.ptp(data["shape_outline"].values, axis=1).all()):
-            raise ValueError("a body of no size, or one that never moves")
+        if not np.ptp(data["shape_outline"].values, axis=1).all():
+            raise ValueError("a body of no size")
         splines = {
             name: CubicSpline(data[SHAPE].values, data[f"shape_{name}"].values) for name in _SHAPES
         }

@@ -20,6 +20,7 @@ from pipeline.kinematics.shapes import (
     pieces,
     rounded_strip,
     with_chambers,
+    with_mount,
 )
 from pipeline.scene.pinch import Pinch
 from pipeline.scene.sections import SMOOTHING, Finger, Motion
@@ -30,6 +31,7 @@ _LAW_SAMPLES_PER_SECOND = 4000
 _LENGTH_TOLERANCE = 0.02
 _CLIPPED = 0.01  # of the range of the states: a sensor's offset and noise, not another stroke
 _ROUNDING = 1e-6  # Pa
+_POINTS, _MOUNTED_POINTS = 480, 9600  # of an outline; the latter are thinned out with the mount's
 
 
 @dataclass(frozen=True)
@@ -115,13 +117,16 @@ def finger_motion(
         )
     states = add_tip(states, finger.tip.length, finger.tip.thickness)
     s, thickness = arc_length(states.profile[rest]), states.thickness[rest]
-    radii = finger.root_corner_radius, finger.tip.corner_radius
-    strip = rounded_strip(s[-1], thickness, s, *radii)
+    root_radius = 0.0 if finger.mount else finger.root_corner_radius
+    points = _MOUNTED_POINTS if finger.mount else _POINTS
+    strip = rounded_strip(s[-1], thickness, s, root_radius, finger.tip.corner_radius, points)
     if finger.chambers is not None:
         try:
             strip = with_chambers(strip, finger.chambers, finger.length, thickness, s)
         except ValueError as error:
             raise StageError(f"{where}: {error}") from None
+    if finger.mount is not None:
+        strip = with_mount(strip, finger.mount, thickness, s)
     shapes = FingerShapes(states, strip)
     free = FingerMotion(law, free_law, shapes, finger, states, over_time is not None)
     if pinch is None:

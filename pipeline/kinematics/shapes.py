@@ -8,17 +8,21 @@ from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from pipeline.formats.bending_states import States
-from pipeline.scene.sections import Chambers
+from pipeline.scene.sections import Chambers, Mount
 
 # of the width of a gap between two chambers
 _ROUNDING = 0.35  # radius of its corners
 _TIP_PIECES, _POINTS = 8, 141  # of the tip, and of a profile of constant curvature
 _STEP = 0.1  # from point to point of an outline with gaps
+_SAG, _LONGEST = 0.01, 0.005  # of a corner's radius, of the length: by chords on a mount
 
 
 @dataclass(frozen=True)
 class Strip:
-    """Points of the outline: arc length `s` (m) at rest, height `eta` (0 ventral, 1 dorsal)."""
+    """Points of the outline: arc length `s` (m) at rest, height `eta` (0 ventral, 1 dorsal).
+
+    Points of a mount lie at s < 0, in the root's axes.
+    """
 
     s: ndarray
     eta: ndarray
@@ -95,6 +99,22 @@ def with_chambers(
     return Strip(s=x, eta=y / np.interp(x, s, thickness))
 
 
+def with_mount(strip: Strip, mount: Mount, thickness: ndarray, s: ndarray) -> Strip:
+    """A strip with a sharp root as one outline with its mount, counter-clockwise.
+
+    `thickness` (point,) is at arc lengths `s` (point,), m.
+    """
+    radius, half, corner = 0.5 * mount.diameter, 0.5 * thickness[0], mount.corner_radius
+    height = strip.eta * np.interp(strip.s, s, thickness)
+    disc = shapely.Point(-radius, half).buffer(radius, quad_segs=90)
+    neck = shapely.box(-radius, 0.0, 0.0, thickness[0])
+    finger = shapely.Polygon(np.column_stack([strip.s, height]))
+    solid = shapely.union_all([disc, neck, finger]).buffer(corner, 32).buffer(-corner, 32)
+    ring = shapely.orient_polygons(solid.simplify(_SAG * corner)).exterior
+    x, y = shapely.get_coordinates(shapely.segmentize(ring, _LONGEST * s[-1]))[:-1].T
+    return Strip(s=x, eta=y / np.interp(x, s, thickness))
+
+
 def pieces(profile: ndarray) -> tuple[ndarray, ndarray]:
     """Tangent angles and lengths (state, piece) of profiles (state, point, 2)."""
     x, y = np.moveaxis(np.diff(profile, axis=1), -1, 0)
@@ -156,13 +176,15 @@ class FingerShapes:
     def place(self, strip: Strip, angle: ndarray, length: ndarray, thickness: ndarray) -> ndarray:
         """Points (n, 2) of a strip, by the `pieces` of a profile and its thickness (point,)."""
         s = strip.s
-        thickness = np.interp(s, self._s, thickness)
-        turn = np.interp(s, self._s, node_angle(angle))
+        behind = s < 0  # on the mount, which is at rest
+        thickness = np.where(behind, self._root_thickness, np.interp(s, self._s, thickness))
+        turn = np.where(behind, 0.0, np.interp(s, self._s, node_angle(angle)))
         dorsal = np.column_stack([np.sin(turn), -np.cos(turn)])
         tangent = np.column_stack([np.cos(angle), np.sin(angle)])
         steps = length[:, None] * tangent
         curve = np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
         on_curve = np.column_stack([np.interp(s, self._s, c) for c in curve.T])
+        on_curve[behind, 0] = s[behind]
         root = np.array([0.0, -0.5 * self._root_thickness])
         return on_curve + (strip.eta * thickness)[:, None] * dorsal - root
 

@@ -35,6 +35,8 @@ def _shape_knots(
         gaps = gap(np.array([motion.outline(p) for p in fine]), pinch)
         change = np.abs(np.diff(np.log(np.maximum(gaps, 0.5 * pinch.residual_gap))))
         steps = np.maximum(steps, change / _GAP_STEP)
+    if not steps.any():  # no pressure changes the shape
+        return np.linspace(lowest, highest, 5)
     walk = np.concatenate([[0], np.cumsum(steps)])
     count = max(5, int(np.ceil(walk[-1])) + 1)
     return np.interp(np.linspace(0, walk[-1], count), walk, fine)
@@ -99,8 +101,8 @@ def kinematics_values(
     `over_time`: shapes at times (s), as of a coupled finger; `exact`: all of them are kept.
     """
     motion, where = scene.motion, scene.folder / "scene.toml"
+    may_rest = scene.current is not None
     if scene.body is not None:
-        may_rest = scene.current is not None
         values: dict[str, Any] = dict(rigid_values(scene.body, motion, where, may_rest))
         check_body(values["shape_outline"], scene.tank, where)
     else:
@@ -115,7 +117,8 @@ def kinematics_values(
         outlines, bends = values["shape_outline"], values["shape_bend"]
         if not exact:
             moved = float(np.ptp(values["shape_tip"], axis=0).max())
-            check_motion(moved, scene.finger.length, where)
+            if not may_rest:
+                check_motion(moved, scene.finger.length, where)
             step = motion.max_bend_step_deg
             check_number(len(bends), "motion.max_bend_step_deg", step, where)
         fixed = scene.obstacle or ()

@@ -122,7 +122,7 @@ STAGES = (
     ),
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
-        ("solve",), ("loads.h5",), {"structure": {"bending_stiffness", "loss_factor"}},
+        ("solve",), ("loads.h5",), {"structure": True},
         cost=(3, 500), by_sources=True,
     ),
     Stage(

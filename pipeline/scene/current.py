@@ -50,17 +50,22 @@ class Current(Section):
     """Of that oscillation, a sine [Hz]"""
     table: str | None = None
     """CSV of the speed over time (t, u), in place of speed and oscillation"""
-    profile: Literal["uniform", "boundary_layer"] = "uniform"
-    """Of the inflow over the height; a boundary layer at the bottom is Pohlhausen's"""
+    profile: Literal["uniform", "boundary_layer", "channel"] = "uniform"
+    """Of the inflow over the height; "channel": a parabola of mean `speed`, and a lid that holds"""
     thickness: Positive | None = None
     """Of the boundary layer at the bottom [m]"""
     walls: Literal["no-slip", "slip"] = "no-slip"
-    """Whether water sticks to the tank's bottom and sides; the surface is a lid that slips"""
+    """Whether water sticks to the tank's bottom and sides; but in a channel the lid slips"""
 
     @property
     def sign(self) -> int:
         """1 or -1: that of its direction along x."""
         return 1 if self.direction == "+x" else -1
+
+    @property
+    def channel(self) -> bool:
+        """Whether a lid closes the water, and holds it."""
+        return self.profile == "channel"
 
     @model_validator(mode="after")
     def _whole(self) -> "Current":
@@ -76,6 +81,8 @@ class Current(Section):
             raise ValueError("lead goes with a current that runs at 0 s; remove it, or ramp")
         if (self.profile == "boundary_layer") != (self.thickness is not None):
             raise ValueError("thickness goes with profile = 'boundary_layer'; give both or neither")
+        if self.channel and self.walls == "slip":
+            raise ValueError("water sticks to the walls of a channel; remove walls = 'slip'")
         return self
 
 
@@ -83,20 +90,23 @@ class Current(Section):
 class Stream:
     """A current as a field: `law`: its velocity along x (m/s) at times (s), beyond the layer.
 
-    `known`: first and last time (s) of its table, before and after which the law keeps a value.
+    `depth` (m): of the water. `known`: first and last time (s) of its table, before and after which
+    the law keeps a value.
     """
 
     current: Current
     law: Callable[[ndarray], ndarray]
+    depth: float
     known: tuple[float, float] = (-math.inf, math.inf)
 
     @classmethod
     def of(cls, scene: Any) -> "Stream | None":
         """That of a scene, None without a current. StageError where its table is wrong."""
-        return None if scene.current is None else cls.read(scene.current, scene.folder)
+        depth = scene.tank.water_depth
+        return None if scene.current is None else cls.read(scene.current, scene.folder, depth)
 
     @classmethod
-    def read(cls, current: Current, folder: Path) -> "Stream":
+    def read(cls, current: Current, folder: Path, depth: float) -> "Stream":
         """That of a scene in `folder`. StageError where its table is wrong."""
         sign, ramp = current.sign, current.ramp
         known = cls.known
@@ -125,12 +135,12 @@ class Stream:
             begun = 1.0 if ramp is None else _smooth(time / ramp)
             return np.asarray(sign * begun * steady(time))
 
-        return cls(current, law, known)
+        return cls(current, law, depth, known)
 
     def held(self) -> "Stream":
         """Return the same with the velocity that it begins with for ever."""
         begins = self.begins
-        return Stream(self.current, lambda time: np.full(np.shape(time), begins))
+        return Stream(self.current, lambda time: np.full(np.shape(time), begins), self.depth)
 
     @property
     def begins(self) -> float:
@@ -138,7 +148,10 @@ class Stream:
         return float(self.law(np.zeros(1))[0])
 
     def share(self, height: ndarray) -> ndarray:
-        """Inflow at a `height` (m) above the bottom over that beyond the boundary layer."""
+        """Inflow at a `height` (m) above the bottom over the law's velocity."""
+        if self.current.channel:
+            part = np.clip(np.asarray(height, float) / self.depth, 0.0, 1.0)
+            return np.asarray(6 * part * (1 - part))
         if self.current.thickness is None:
             return np.ones(np.shape(height))
         part = np.clip(np.asarray(height, float) / self.current.thickness, 0.0, 1.0)
@@ -146,7 +159,8 @@ class Stream:
 
     def peak(self, end: float, step: float) -> float:
         """Largest speed (m/s) at the time steps until `end` (s)."""
-        return float(np.abs(self.law(step * np.arange(round(end / step) + 1))).max())
+        most = 1.5 if self.current.channel else 1.0
+        return most * float(np.abs(self.law(step * np.arange(round(end / step) + 1))).max())
 
 
 def _smooth(part: ndarray) -> ndarray:
@@ -167,7 +181,23 @@ def lead_steps(scene: Any) -> int:
 
 def _height(scene: Any) -> float:
     """Extent (m) of the straight body across the stream, in the plane."""
-    return float(scene.body.size if scene.body else scene.finger.length + scene.finger.tip.length)
+    if scene.body:
+        return float(scene.body.size)
+    finger = scene.finger
+    across = (finger.length + finger.tip.length) * math.cos(math.radians(finger.tilt_deg))
+    mount = finger.mount.diameter if finger.mount else 0.0
+    return max(across, finger.thickness if not mount else 0.0) + mount
+
+
+def _reaches(scene: Any) -> tuple[float, float]:
+    """How far (m) the body reaches against the stream and with it, from where it stands."""
+    if scene.body:
+        return 0.5 * scene.body.size, 0.5 * scene.body.size
+    finger = scene.finger
+    length = finger.length + finger.tip.length
+    along = math.sin(math.radians(finger.tilt_deg)) * scene.current.sign
+    mount = finger.mount.diameter if finger.mount else 0.0
+    return max(length * min(1.0, 1 - along), mount), max(length * min(1.0, 1 + along), mount)
 
 
 def frontal_share(scene: Any) -> float:
@@ -192,15 +222,14 @@ def check_current(scene: Any) -> None:
             f" most {depth:g}"
         )
     _check_speed(scene)
-    high = _height(scene)
-    reach = 0.5 * high if scene.body else high
+    high, (before, behind) = _height(scene), _reaches(scene)
     half, x = 0.5 * tank.size[0], scene.finger.root[0] * current.sign
-    for name, room, least in (("in", half + x, _BEFORE), ("out", half - x, _BEHIND)):
-        needed = reach + least * high
+    ends = ("in", half + x, before + _BEFORE * high), ("out", half - x, behind + _BEHIND * high)
+    for name, room, needed in ends:
         if room < needed * (1 - 1e-9):
             raise ValueError(
                 f"current: the {name}flow is {room:.3g} m from the middle of the body, less than"
-                f" its reach and {least:g} of its lengths, {needed:.3g} m; give tank.size[0] ="
+                f" its reach and the water that it needs, {needed:.3g} m; give tank.size[0] ="
                 f" {_rounded(tank.size[0] + 2 * (needed - room), up=True):g}, or move the body"
             )
     blocked = frontal_share(scene)
@@ -216,7 +245,7 @@ def check_current(scene: Any) -> None:
 def _check_speed(scene: Any) -> None:
     """ValueError where the current's speed or its changes are too large."""
     current, mesh, n, end = scene.current, scene.mesh, scene.numerics, scene.motion.end_time
-    stream, step = Stream.read(current, scene.folder), n.time_step
+    stream, step = Stream.read(current, scene.folder, scene.tank.water_depth), n.time_step
     peak, most = stream.peak(end, step), _FROUDE * (_GRAVITY * scene.tank.water_depth) ** 0.5
     if not peak > 0:
         raise ValueError(
@@ -229,7 +258,7 @@ def _check_speed(scene: Any) -> None:
             f"current.table = {current.table!r} has times from {first:g} to {last:g} s, the motion"
             f" from 0 to {end:g} s; correct the table's times, or name its column t [ms]"
         )
-    if peak > most and scene.body is None:  # a rigid body's scene is in units of its own
+    if peak > most and not current.channel and scene.body is None:  # whose units are its own
         raise ValueError(
             f"current: {peak:.3g} m/s make waves in water of this depth, which the rigid lid has"
             f" not (Froude number above {_FROUDE:g}); give at most {_rounded(most):g} m/s"

@@ -145,6 +145,12 @@ def _check_motion(scene: Any) -> None:
             if value is not None:
                 _within(f"motion.{name}.{key}", value, least * step, np.inf, " s", short)
     if not motion.strokes:
+        free = motion.pressure_csv or motion.source in ("rigid", "recording")
+        if scene.current is None and not free:
+            raise ValueError(
+                "motion: no pressure moves the finger in still water; give motion.strokes or"
+                " motion.pressure_csv, or a [current]"
+            )
         return
     short = f"less than four of numerics.time_step = {step:g} s"
     for k, stroke in enumerate(motion.strokes):

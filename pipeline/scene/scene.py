@@ -1,5 +1,6 @@
 """The scene: every number of a case, read from scene.toml, resolved for one level and checked."""
 
+import math
 import os
 import shutil
 from collections.abc import Mapping
@@ -157,7 +158,9 @@ class Scene(Section):
     def remarks(self) -> list[str]:
         """Warnings about a scene that is valid but may not be as its author thinks."""
         remarks, motion = list(self.notes), self.motion
-        above = self.finger.root[1] - self.finger.length - self.finger.tip.length
+        hangs = math.cos(math.radians(self.finger.tilt_deg))
+        length = self.finger.length + self.finger.tip.length
+        above = self.finger.root[1] - hangs * length
         if self.body is None and above < _PAPER_CLEARANCE - 1e-6:
             remarks.append(
                 f"warning: finger.root = {list(self.finger.root)} leaves the straight finger"

@@ -72,6 +72,15 @@ class Chambers(Section):
         return self
 
 
+class Mount(Section):
+    """A round body at rest that carries the finger, whose root touches it; lengths in m."""
+
+    diameter: Positive
+    """Of the section, which is as wide along z as the finger [m]"""
+    corner_radius: Positive = 0.002
+    """Of the concave corners between it and the finger; layers at the wall fit into it [m]"""
+
+
 class Finger(Section):
     """Pose and envelope, m; `root` is the middle of the root in the tank frame.
 
@@ -88,7 +97,7 @@ class Finger(Section):
     """Extent along z [m]"""
     root_corner_radius: Positive = 0.002
     """Of the root's rounded corners [m]"""
-    tilt_deg: Annotated[Number, Field(ge=-60, le=60)] = 0.0
+    tilt_deg: Annotated[Number, Field(ge=-90, le=90)] = 0.0
     """About the root, counter-clockwise [deg]"""
     ventral: Literal["+x", "-x"] = "+x"
     """Side to which it bends under pressure"""
@@ -96,6 +105,8 @@ class Finger(Section):
     """End of the finger"""
     chambers: Chambers | None = None
     """Gaps between the chambers; absent: the dorsal side is smooth"""
+    mount: Mount | None = None
+    """Body that carries the finger; absent: none in the water"""
 
 
 Pressure = Annotated[Number, Field(ge=-100, le=500)]  # kPa: no less than a vacuum
@@ -186,10 +197,8 @@ class Motion(Section):
                 "motion.recording and recording_factor belong to motion.source = 'recording';"
                 " remove them"
             )
-        if bool(self.strokes) == bool(self.pressure_csv):
-            raise ValueError(
-                "give either motion.strokes or motion.pressure_csv, not both and not neither"
-            )
+        if self.strokes and self.pressure_csv:
+            raise ValueError("give either motion.strokes or motion.pressure_csv, not both")
         if self.smoothing is not None and not self.pressure_csv:
             raise ValueError("motion.smoothing belongs to motion.pressure_csv; remove it")
         if self.pressure_csv and self.start_pressure_kpa != 0:
@@ -214,6 +223,16 @@ class Structure(Section):
     """E I at all pressures, where the bending analysis does not say [N m²]"""
     loss_factor: Annotated[float, Field(ge=0, le=1)] = 0.12
     """Of the rubber: energy lost in a radian of vibration over the energy stored [1]"""
+    density: Positive | None = None
+    """Of a solid finger of bending_stiffness, whose neutral axis is half way up [kg/m³]"""
+    gravity: NotNegative | None = None
+    """Downwards; 0: the plane of the motion lies flat; absent: 9.81 [m/s²]"""
+
+    @model_validator(mode="after")
+    def _solid_is_stiff(self) -> "Structure":
+        if self.density is not None and self.bending_stiffness is None:
+            raise ValueError("density goes with bending_stiffness; give both or neither")
+        return self
 
 
 FINGER_LENGTH = 0.070  # m: that of a finger whose defaults are not scaled

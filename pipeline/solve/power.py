@@ -202,7 +202,9 @@ def _boundary_velocity(
     """Velocity (boundary face, 3) at the patches as the case's boundary conditions give it."""
     patch_velocity = np.zeros((len(mesh.faces.owner) - mesh.inner, 3))
     slips = stream is not None and stream.current.walls == "slip"
-    free = _FREE + (WALLS if slips else ())
+    free = set(_FREE + (WALLS if slips else ()))
+    if stream is not None and stream.current.channel:
+        free.discard("top")
     for name, faces in mesh.faces.patches.items():
         rows = slice(faces.start - mesh.inner, faces.stop - mesh.inner)
         inside = velocity[mesh.faces.owner[faces]]

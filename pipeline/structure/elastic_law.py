@@ -47,8 +47,22 @@ def constant_law(stiffness: float, neutral_axis: float, states: int) -> BendingL
     )
 
 
-def bending_law(states: States, stiffness: float | None) -> BendingLaw | None:
-    """The law of the states, with EI = `stiffness` (N m²) where it is known; None if neither is."""
+def bending_law(
+    states: States, stiffness: float | None, density: float | None = None, width: float = 0.0
+) -> BendingLaw | None:
+    """The law of the states, with EI = `stiffness` (N m²) where it is known; None if neither is.
+
+    That of a solid finger where its `density` (kg/m³) is known, and its `width` (m).
+    """
+    if stiffness is not None and density is not None:
+        rest = int(np.argmin(np.abs(states.pressure)))
+        height = float(states.thickness[rest].mean())
+        solid = constant_law(stiffness, 0.5 * height, len(states.pressure))
+        section = height * width
+        return replace(
+            solid, rubber_mass=density * section, rubber_section=section,
+            rubber_height=0.5 * height,
+        )  # fmt: skip
     law = states.law if isinstance(states, BendingStates) else None
     if stiffness is None:
         return law

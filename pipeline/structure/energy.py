@@ -66,8 +66,12 @@ def energies(
 
 
 def open_share(parts: Mapping[str, Any]) -> float:
-    """Largest gap between work done and energy stored or lost, over the pressure's largest work."""
+    """Largest gap between work done and energy stored or lost, over the largest work.
+
+    That of the pressure, or of a current's water, which moves a finger without pressure.
+    """
     left = np.asarray(parts["pressure_work"]) + parts["water_work"] + parts["weight_work"]
     for name in ("elastic_energy", "kinetic_energy", "damping_loss"):
         left = left - np.asarray(parts[name])
-    return float(np.abs(left).max() / np.abs(np.asarray(parts["pressure_work"])).max())
+    works = np.abs([parts["pressure_work"], parts["water_work"]])
+    return float(np.abs(left).max() / works.max())

@@ -43,6 +43,7 @@ class ElasticFinger:
     known: bool
     period: float = 0.0  # s, of its first vibration in modelled water
     stream: Stream | None = None
+    mounted: bool = False  # whether water behind the root presses on a mount
 
     @classmethod
     def of(cls, scene: Scene, states: States | None = None) -> ElasticFinger:
@@ -53,11 +54,13 @@ class ElasticFinger:
             lowest, highest = float(pressure.min()), float(pressure.max())
             states = finger_states(scene.motion, scene.finger, scene.folder, lowest, highest)
             chambers = within(chambers, states)
-        known = bending_law(states, scene.structure.bending_stiffness)
+        solid, width = scene.structure, scene.finger.width
+        known = bending_law(states, solid.bending_stiffness, solid.density, width)
         law = known or constant_law(1.0, 0.0, len(states.pressure))
         frame = axes(scene.finger)
-        down = complex(*(frame @ [0.0, -_GRAVITY]))
-        chain = Chain(states, law, scene.finger.width)
+        gravity = _GRAVITY if solid.gravity is None else solid.gravity
+        down = complex(*(frame @ [0.0, -gravity]))
+        chain = Chain(states, law, width)
         swings_at = float(pressure[np.argmax(np.abs(pressure))])
         loss_factor = scene.structure.loss_factor
         wet, air = Surroundings(down, scene.fluid.density, _ADDED_MASS, _DRAG), Surroundings(down)
@@ -74,6 +77,7 @@ class ElasticFinger:
             known is not None,
             2 * np.pi * in_water,
             Stream.of(scene),
+            scene.finger.mount is not None,
         )
 
     def streams(self, time: np.ndarray) -> ComplexArray:
@@ -223,6 +227,8 @@ class Posed:
         push = self._finger.in_actuator(force)
         nearest = self._tree.query(np.column_stack([at.real, at.imag]))[1]
         owner = np.searchsorted(chain.joints, nearest, side="right")
+        if self._finger.mounted:
+            owner[(nearest == 0) & (at.real < 0)] = 0
         turning = (np.conj(at - self._middle[owner]) * push).imag
         x, y, torque = (
             np.bincount(owner, part, chain.slices + 1) for part in (push.real, push.imag, turning)

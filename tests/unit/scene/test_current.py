@@ -32,6 +32,7 @@ def scene_of(folder: Path, text: str, level: str = "smoke") -> Scene:
         ("[current]\nspeed = 0.1\nthickness = 0.1", ["boundary_layer"]),
         ("[current]\nspeed = 0.1\nramp = 0.2\nlead = 1.0", ["lead", "remove it, or ramp"]),
         ("[current]\nspeed = 0.1\nthicknes = 0.1", ["current.thicknes", "not known"]),
+        ("[current]\nspeed = 0.1\nprofile = 'channel'\nwalls = 'slip'", ["channel", "remove"]),
         ("[current]\ntable = 'u.csv'", ["u.csv", "no such file"]),
         ("[current]\nspeed = 0.0\namplitude = 0.1\nfrequency = 1.0\nlead = 1.0", ["runs at 0 s"]),
     ],
@@ -194,3 +195,31 @@ def test_a_rigid_body_may_rest_in_a_current_alone(tmp_path):
     assert [interval.moving for interval in read_intervals(tmp_path)] == [False]
     with pytest.raises(StageError, match="water would stand still"):
         kinematics.run(scene.model_copy(update={"current": None}), quiet=True)
+
+
+def test_a_channel_has_a_parabola_and_no_waves(tmp_path):
+    """1 m/s would be refused below a free surface."""
+    text = "[current]\nspeed = 1.0\nprofile = 'channel'\n[numerics]\ntime_step = 5e-4\n"
+    scene = scene_of(tmp_path / "s", text)
+    stream, depth = Stream.of(scene), scene.tank.water_depth
+    height = depth * (np.arange(1000) + 0.5) / 1000
+    assert stream.share(height).mean() == pytest.approx(1.0, abs=1e-6)
+    assert stream.share(np.array([0.0, 0.5, 1.0]) * depth) == pytest.approx([0.0, 1.5, 0.0])
+    assert stream.peak(0.1, 0.01) == pytest.approx(1.5)
+
+
+def test_a_finger_that_lies_with_the_stream_takes_less_room(tmp_path):
+    """70 mm: of its length nothing is across the stream, and nothing reaches against it."""
+    text = "[current]\nspeed = 0.1\n[finger]\nroot = [{}, 0.15]\ntilt_deg = {}\n"
+    scene_of(tmp_path / "with", text.format(-0.25, 90.0))
+    with pytest.raises(StageError, match="inflow"):
+        scene_of(tmp_path / "against", text.format(-0.25, -90.0))
+    with pytest.raises(StageError, match="inflow"):
+        scene_of(tmp_path / "hangs", text.format(-0.25, 0.0))
+
+
+def test_only_a_current_moves_a_finger_without_pressure(tmp_path):
+    text = "[motion]\nstrokes = []\n"
+    assert scene_of(tmp_path / "runs", f"{text}[current]\nspeed = 0.1\n").motion.strokes == ()
+    with pytest.raises(StageError, match=r"no pressure moves the finger.* \[current\]"):
+        scene_of(tmp_path / "still", text)

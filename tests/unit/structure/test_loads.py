@@ -11,7 +11,7 @@ from pipeline.formats.finger_loads import motion_sentence, read_loads
 from pipeline.kinematics import stage as kinematics
 from pipeline.scene.scene import load_scene
 from pipeline.structure import stage
-from pipeline.structure.chain import MIDDLE, Chain
+from pipeline.structure.chain import MIDDLE, RUBBER, Chain
 from pipeline.structure.elastic_law import bending_law, constant_law, law_at
 from pipeline.structure.finger import ElasticFinger, Posed
 from pipeline.structure.motion import Surroundings, motion
@@ -62,6 +62,31 @@ def test_given_stiffness_takes_the_place_of_the_analysis():
     plain = States(STATES.pressure, STATES.profile, STATES.thickness)
     assert bending_law(plain, None) is None
     assert bending_law(plain, 1e-3).rubber_mass == 0
+
+
+def test_a_solid_finger_of_a_density_bends_about_its_middle():
+    height, width = 0.0167, 0.028
+    line = np.stack([np.linspace(0, LENGTH, 125), np.zeros(125)], -1)
+    states = States(np.arange(3.0), np.repeat(line[None], 3, 0), np.full((3, 125), height))
+    law = bending_law(states, 1e-3, 1100.0, width)
+    assert law.rubber_mass == pytest.approx(1100.0 * height * width)
+    np.testing.assert_allclose(law.neutral_axis, height / 2)
+    chain = Chain(states, law, width)
+    assert chain.gap_section == 0
+    rubber, middle = chain.unloaded(np.zeros(1)).content[0, [RUBBER, MIDDLE]]
+    np.testing.assert_allclose(rubber, middle)
+
+
+def test_water_on_the_mount_loads_no_slice():
+    chain, water = straight(), Surroundings()
+    finger = ElasticFinger(
+        chain, lambda t: 0 * t, np.eye(2), np.zeros(2), water, water, water, True, mounted=True
+    )
+    posed = Posed(finger, 0.0, np.zeros(chain.slices))
+    place, force = np.array([[-0.02, 0.01], [0.03, 0.0]]), np.array([[1.0, 2.0], [0.0, 3.0]])
+    loads = posed.of_forces(place, force)
+    assert loads[0, :2] == pytest.approx([1.0, 2.0])
+    assert np.hypot(*loads[1:, :2].sum(0)) == pytest.approx(3.0, rel=0.05)
 
 
 def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path, monkeypatch):
