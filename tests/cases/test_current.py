@@ -75,6 +75,19 @@ def test_a_slow_stream_between_bottom_and_lid_becomes_a_parabola(tmp_path):
     assert np.abs(u - parabola)[middle].max() < 0.05 * 1.5 * mean
 
 
+def test_the_parabola_of_a_channel_runs_through_it(tmp_path):
+    """Water sticks to bottom and lid. 6 cells over the height: a few per cent at order 2."""
+    keys = 'speed = 0.05\nlead = 1.0\nprofile = "channel"'
+    more = f"{MOVING}\n[fluid]\nkinematic_viscosity = 0.01\n[numerics]\npressure_correctors = 4\n"
+    scene = current_scene(tmp_path / "s", keys, more=more)
+    solve_transparent(scene)
+    cells = at_end(scene)
+    part = cells.centres[:, 1] / scene.tank.water_depth
+    middle = np.abs(cells.centres[:, 0] - 0.15) < 0.1
+    parabola = 6 * part * (1 - part) * 0.05
+    assert np.abs(cells.velocity[:, 0] - parabola)[middle].max() < 0.05 * 1.5 * 0.05
+
+
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     """A half model in a current with a boundary layer, whose finger bends; not solved."""
