@@ -9,7 +9,6 @@ from piv.foreign.read import open_vectors
 from piv.formats.plane_series import read_plane, write_plane
 from piv.formats.plane_writer import write_blocks
 from piv.formats.recording import window_of
-from piv.vortices.criteria import SCHEMES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,12 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"of {', '.join(QUANTITIES)} (default all)",
     )
     parser.add_argument(
-        "--scheme",
-        choices=SCHEMES,
-        default=SCHEMES[0],
-        help="of the gradients (default %(default)s)",
-    )
-    parser.add_argument(
         "--correlation-length",
         type=float,
         help="distance over which errors of neighbours are correlated, in the file's unit; 0: none "
@@ -41,12 +34,11 @@ def run(args: argparse.Namespace) -> None:
     """Derive quantities of a series part by part, and write them."""
     with open_vectors(args.source) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
-        options = {"scheme": args.scheme, "correlation_length": length}
+        options = {"quantities": tuple(args.quantities), "correlation_length": length}
         if "time" in series["u"].dims:
-            parts = derived_blocks(series, tuple(args.quantities), **options)
-            write_blocks(parts, args.output, series)
+            write_blocks(derived_blocks(series, **options), args.output, series)
         else:
-            write_plane(derived(series, tuple(args.quantities), **options), args.output)
+            write_plane(derived(series, **options), args.output)
         unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
     if args.quiet:
         return

@@ -1,7 +1,6 @@
 """Vorticity, divergence, strain, swirling strength and Q with propagated uncertainty."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,6 +10,7 @@ from piv.fields.blocks import blocks
 from piv.formats.plane_series import usable
 from piv.formats.recording import window_of
 from piv.vortices.criteria import (
+    SCHEMES,
     Gradients,
     derivative,
     gradients,
@@ -24,7 +24,10 @@ REACH = 2  # grid points that a derivative looks at on either side
 
 
 def derived(
-    plane: xr.Dataset, quantities: tuple[str, ...] = QUANTITIES, **options: Any
+    plane: xr.Dataset,
+    quantities: tuple[str, ...] = QUANTITIES,
+    *,
+    correlation_length: float | None = None,
 ) -> xr.Dataset:
     """Add vorticity and other derivatives to a plane or series, with their standard uncertainties.
 
@@ -40,9 +43,8 @@ def derived(
         A plane or series.
     quantities
         Names of what is added; `<name>_std` goes with each where u_std and v_std are known.
-    options
-        scheme, as of `criteria.gradients`; correlation_length in the plane's unit, by default the
-        side of the PIV window.
+    correlation_length
+        In the plane's unit, by default the side of the PIV window.
 
     Returns
     -------
@@ -61,7 +63,7 @@ def derived(
     >>> float(piv.derived(rotation)["vorticity"][5, 5].round(3))
     -4.0
     """
-    parts = list(derived_blocks(plane, quantities, **options))
+    parts = list(derived_blocks(plane, quantities, correlation_length=correlation_length))
     whole = xr.concat(parts, "time") if len(parts) > 1 else parts[0]
     if "time" not in plane["u"].dims:
         whole = whole.isel(time=0, drop="time" not in plane.coords)
@@ -78,7 +80,6 @@ def derived_blocks(
     plane: xr.Dataset,
     quantities: tuple[str, ...] = QUANTITIES,
     *,
-    scheme: str = "least-squares",
     correlation_length: float | None = None,
 ) -> Iterator[xr.Dataset]:
     """As `derived`, in parts along time."""
@@ -92,7 +93,7 @@ def derived_blocks(
     for part in blocks(plane):
         stacks: dict[str, list[ndarray]] = {}
         for k in range(part.sizes["time"]):
-            found = _of_instant(part.isel(time=k), quantities, dx, dy, scheme, length)
+            found = _of_instant(part.isel(time=k), quantities, dx, dy, length)
             for name, values in found.items():
                 stacks.setdefault(name, []).append(values)
         new = {n: (("time", "y", "x"), np.stack(a).astype(np.float32)) for n, a in stacks.items()}
@@ -105,10 +106,10 @@ def derived_blocks(
 
 
 def _of_instant(
-    plane: xr.Dataset, quantities: tuple[str, ...], dx: float, dy: float, scheme: str, length: float
+    plane: xr.Dataset, quantities: tuple[str, ...], dx: float, dy: float, length: float
 ) -> dict[str, ndarray]:
     u, v, ok = plane["u"].values, plane["v"].values, usable(plane).values
-    g = gradients(u, v, ok, dx, dy, scheme)
+    g = gradients(u, v, ok, dx, dy)
     normal, shear = (g.dudx - g.dvdy) / 2, (g.dudy + g.dvdx) / 2
     strain, swirl = np.hypot(normal, shear), swirling_strength(g)
     values = dict(
@@ -119,7 +120,7 @@ def _of_instant(
         return out
     var = Gradients(
         *(
-            variance(plane[f"{n}_std"].values, ok, step, axis, scheme, length)
+            variance(plane[f"{n}_std"].values, ok, step, axis, length)
             for n in ("u", "v")
             for step, axis in ((dx, 1), (dy, 0))
         )
@@ -142,9 +143,7 @@ def _of_instant(
     return out
 
 
-def variance(
-    std: ndarray, ok: ndarray, step: float, axis: int, scheme: str, length: float
-) -> ndarray:
+def variance(std: ndarray, ok: ndarray, step: float, axis: int, length: float) -> ndarray:
     """Variance of `criteria.derivative` for errors d apart correlated by exp(-2 (d/length)²).
 
     A derivative is linear in the values. Of five neighbours in a row each has another index modulo
@@ -160,7 +159,7 @@ def variance(
         only = np.broadcast_to((index % width == r).astype(float).reshape(reshape), ok.shape)
         offset = (r - index + REACH) % width - REACH
         neighbour = np.take(good, np.clip(index + offset, 0, n - 1), axis=axis)
-        weight = derivative(only, ok, step, axis, scheme)
+        weight = derivative(only, ok, step, axis, SCHEMES[0])
         weights.append(np.where(weight == 0, 0.0, weight * neighbour))
         offsets.append(offset)
     total = np.zeros(ok.shape)

@@ -51,11 +51,9 @@ class Style:
     streamlines: bool = False  # in place of arrows
 
 
-def vorticity(plane: xr.Dataset) -> np.ndarray:
-    """dv/dx - du/dy (..., y, x) by central differences, NaN next to absent vectors."""
-    x, y = plane["x"].values, plane["y"].values
-    ok = usable(plane).values
-    u, v = (np.where(ok, plane[n].values, np.nan) for n in ("u", "v"))
+def vorticity(field: np.ndarray, ok: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """dv/dx - du/dy of (u, v) over (..., y, x): central differences, NaN next to absent vectors."""
+    u, v = np.where(ok, field, np.nan)
     return np.gradient(v, x, axis=-1) - np.gradient(u, y, axis=-2)
 
 
@@ -86,7 +84,8 @@ def vorticity_scale(planes: xr.Dataset, name: str = "vorticity") -> float:
 def shaded(plane: xr.Dataset, name: str) -> np.ndarray:
     """Field that colours a picture: a variable of the plane, or its vorticity; else ValueError."""
     if name == "vorticity" and name not in plane:
-        return vorticity(plane)
+        field = np.stack([plane["u"].values, plane["v"].values])
+        return vorticity(field, usable(plane).values, plane["x"].values, plane["y"].values)
     if name not in (known := fields_of(plane)):
         raise ValueError(
             f"the file has no {name!r} to colour by; it has vorticity, {', '.join(known)}"

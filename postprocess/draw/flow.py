@@ -11,7 +11,7 @@ from matplotlib.colors import AsinhNorm
 from numpy import ndarray
 from scipy.ndimage import minimum_filter
 
-from piv.plots.vectors import COLOUR_MAP
+from piv.plots.vectors import COLOUR_MAP, vorticity
 from postprocess.draw.animation import pixels
 from postprocess.draw.style import BODY, GREY, INK, MM, NAMES, new_figure
 from postprocess.evidence.fields import frame
@@ -58,12 +58,6 @@ def view_limits(planes: dict[str, xr.Dataset], vortices: dict[str, list[pd.DataF
         known = np.concatenate(at) if at else np.array([low, high])
         limits += [max(low, float(known.min()) - _AROUND), min(high, float(known.max()) + _AROUND)]
     return tuple(limits)
-
-
-def vorticity(field: ndarray, valid: ndarray, x: ndarray, y: ndarray) -> ndarray:
-    """∂v/∂x − ∂u/∂y (1/s) by central differences, not a number next to invalid points."""
-    u, v = np.where(valid, field, np.nan)
-    return np.gradient(v, x, axis=1) - np.gradient(u, y, axis=0)
 
 
 def vorticity_limit(plane: xr.Dataset, times: ndarray) -> float:

@@ -4,6 +4,9 @@ import json
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +14,8 @@ import pytest
 
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.solve import guards
-from pipeline.solve import stage as run_stage
 from piv.files.errors import StageError
-from tests.conftest import ROOT
+from tests.conftest import ROOT, run_stage
 from tests.inner_make import inner_environment
 
 
@@ -44,6 +46,23 @@ def solving(scene: Scene) -> list[str]:
     return [sys.executable, "-c", code, str(scene.folder)]
 
 
+@contextmanager
+def killed_after(scene: Scene, files: str, count: int = 1) -> Iterator[None]:
+    """Run the solver until so many `files` (a pattern of the case) are there, then kill it, -9."""
+    process = subprocess.Popen(solving(scene), cwd=ROOT)
+    deadline = time.monotonic() + 600
+    try:
+        while len([*scene.out.glob(f"case/{files}")]) < count and time.monotonic() < deadline:
+            assert process.poll() is None, "the run ended before it could be killed"
+            time.sleep(0.005)
+        yield
+    finally:
+        process.kill()
+        process.wait()
+    time.sleep(0.5)  # the solver, which may wait for its next step, must notice
+    assert not (scene.out / "run" / "run.json").exists()
+
+
 def copy_of(scene: Scene, folder: Path) -> Scene:
     shutil.copytree(scene.folder, folder, symlinks=True)
     return load_scene(folder, scene.level)
@@ -64,6 +83,14 @@ def force_difference(scene: Scene, other: Scene) -> float:
     return np.abs(one[:, 1:3] - two[:, 1:3]).max() / np.abs(one[:, 1:3]).max()
 
 
+@pytest.fixture(scope="module")
+def solved(prepared, tmp_path_factory):
+    """The module's prepared scene, solved without a stop on one rank."""
+    scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "scene")
+    run_stage(scene, "solve")
+    return scene
+
+
 @pytest.fixture
 def stop_at(monkeypatch):
     """A function that runs a scene until a guard stops it at a time (s)."""
@@ -76,7 +103,7 @@ def stop_at(monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(guards, "Guard", Stop)
             with pytest.raises(StageError, match="by a guard: test"):
-                run_stage.run(scene, quiet=True, **options)
+                run_stage(scene, "solve", **options)
         # the files are kept, and nothing says that the run is whole
         assert any(log.stat().st_size for log in scene.out.glob("case/*/log.pimpleFoam"))
         assert not (scene.out / "run" / "run.json").exists()

@@ -1,9 +1,7 @@
 """COUPLED=1 with the real solver: to its page, after a kill, on two ranks, over two meshes."""
 
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,7 @@ from pipeline.scene.scene import load_scene
 from pipeline.solve import interval as solver_interval
 from piv.files.errors import StageError
 from softfinger.make import Machine, make_stage
-from tests.cases.conftest import copy_of, force_difference, record, solving, table
+from tests.cases.conftest import copy_of, force_difference, killed_after, record, solving, table
 from tests.conftest import CLOSING, ROOT, prepare, write_scene
 
 pytestmark = [pytest.mark.openfoam, pytest.mark.slow]
@@ -51,13 +49,6 @@ def delta(scene):
 def prepared(tmp_path_factory):
     write_scene(folder := tmp_path_factory.mktemp("prepared") / "scene", more=COUPLED)
     return prepare(load_scene(folder, "tiny"))
-
-
-@pytest.fixture(scope="module")
-def solved(prepared, tmp_path_factory):
-    scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "scene")
-    coupled.run(scene, quiet=True)
-    return scene
 
 
 def test_to_its_page_which_does_not_call_the_motion_prescribed(tmp_path):
@@ -112,16 +103,9 @@ def test_other_machines_are_refused(prepared, tmp_path):
 
 def test_killed_and_resumed_it_moves_as_an_undisturbed_run(prepared, solved, tmp_path):
     killed = copy_of(prepared, tmp_path / "killed")
-    command, case = solving(killed), killed.out / "case" / "interval_0"
-    process = subprocess.Popen(command, cwd=ROOT)
-    deadline = time.monotonic() + 600
-    while not (case / "0.02" / "U").exists() and time.monotonic() < deadline:
-        time.sleep(0.005)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert not (killed.out / "run" / "run.json").exists()
-    time.sleep(0.5)  # the solver, which waits for its next step, must notice
-    subprocess.run(command, cwd=ROOT, check=True)
+    with killed_after(killed, "interval_0/0.02/U"):
+        pass
+    subprocess.run(solving(killed), cwd=ROOT, check=True)
     assert len(record(killed)["resumed"]) == 1
     assert np.array_equal(delta(killed), delta(solved))
     assert np.array_equal(table(killed), table(solved))

@@ -95,13 +95,6 @@ def prepared(tmp_path_factory):
     return prepare(current_scene(tmp_path_factory.mktemp("current") / "s", keys, "half"))
 
 
-@pytest.fixture(scope="module")
-def solved(prepared, tmp_path_factory):
-    scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "s")
-    run_stage.run(scene, quiet=True)
-    return scene
-
-
 def test_what_the_current_brings_is_accounted_for(solved):
     """Momentum and energy; without the work of the ends' pressure, all of it would be left."""
     assert abs(record(solved)["through_flow"]["momentum_unexplained"]) < 0.02

@@ -15,10 +15,8 @@ from pipeline.scene.scene import load_scene
 from piv.formats.plane_series import read_plane
 from postprocess.compare.stage import compare
 from postprocess.evidence.stage_files import StageFiles
-from tests.axe.check import serious_findings
 from tests.cases.conftest import make
 from tests.conftest import CASES, ROOT
-from tests.webdriver import CHROMEDRIVER, CHROMIUM, Browser
 
 pytestmark = pytest.mark.openfoam
 
@@ -70,14 +68,6 @@ def test_the_report_and_its_tables_are_there(finger):
     assert checks["centre-agrees"]["met"]
     assert run["cells"] == pytest.approx(3000, rel=0.3)
     assert 0 < run["power_balance"]["closure_fraction"] < 0.6
-
-
-@pytest.mark.skipif(not (CHROMIUM and CHROMEDRIVER), reason="needs chromium and chromedriver")
-def test_axe_has_no_serious_finding_on_the_page_of_a_run(finger, tmp_path):
-    with Browser(tmp_path) as browser:
-        for width in (1400, 400):
-            browser.show((finger / "report.html").resolve().as_uri(), width)
-            assert serious_findings(browser) == {}
 
 
 def test_loads_along_the_finger_are_those_of_the_solver(finger):
@@ -152,21 +142,6 @@ def pinch(project):
     (case / "scene.toml").write_text(QUICK_PINCH)
     shutil.copy2(CASES / "pinch" / "reference" / "findings.toml", case / "reference")
     return made(project, "quick_pinch")
-
-
-def test_a_pinch_closes_to_its_residual_gap_without_touching(pinch):
-    with read_plane(pinch / "sheet.h5") as plane:
-        outline = plane["outline"].values
-        valid, u, v = (plane[name].values for name in ("valid", "u", "v"))
-    gap = -outline[:, 0, :, 0].max(axis=1)
-    assert gap.min() == pytest.approx(5e-4, abs=2e-6)  # the spline between shapes keeps it to 1 µm
-    assert (np.diff(gap) < 1e-7).all()
-    # exact mirror images: the fingers, and the flow
-    assert np.abs(outline[:, 1] - outline[:, 0] * [-1, 1]).max() == 0.0
-    good = valid.astype(bool)
-    assert (good == good[..., ::-1]).all()
-    assert np.abs((u + u[..., ::-1])[good]).max() < 1e-6
-    assert np.abs((v - v[..., ::-1])[good]).max() < 1e-6
 
 
 def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):

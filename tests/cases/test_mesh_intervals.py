@@ -1,9 +1,6 @@
 """Runs of several mesh intervals: a tiny pinch that closes to its residual gap."""
 
 import re
-import signal
-import subprocess
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +16,8 @@ from pipeline.solve import stage as run_stage
 from pipeline.solve.power import power_rows
 from piv.files.lock import exclusive
 from piv.formats.plane_series import read_plane
-from tests.cases.conftest import copy_of, force_difference, record, solving, table
-from tests.conftest import ROOT, prepare, write_scene
+from tests.cases.conftest import copy_of, force_difference, killed_after, record, table
+from tests.conftest import prepare, write_scene
 
 pytestmark = pytest.mark.openfoam
 
@@ -38,7 +35,7 @@ def closing(folder: Path, kind: str, end: float) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def meshed(tmp_path_factory):
+def prepared(tmp_path_factory):
     """A 2-D pinch with contact, meshed in two intervals at least, not solved.
 
     Its linear solvers go on to 1e-9. Where they stop at 1 % of a residual, forces depend to 2e-3
@@ -50,14 +47,6 @@ def meshed(tmp_path_factory):
         text = re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", path.read_text())
         text = re.sub(r"maxIter +\d+;", "", text)
         path.write_text(re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-9;", text))
-    return scene
-
-
-@pytest.fixture(scope="module")
-def solved(meshed, tmp_path_factory):
-    """The pinch, solved without a stop on one rank."""
-    scene = copy_of(meshed, tmp_path_factory.mktemp("solved") / "pinch")
-    run_stage.run(scene, quiet=True)
     return scene
 
 
@@ -114,18 +103,18 @@ def test_the_left_finger_is_pushed_back_while_it_closes(solved):
     assert 0 < balance["closure_fraction"] < 0.65
 
 
-def test_parallel_equals_serial_over_the_field_mapping(meshed, solved, tmp_path, monkeypatch):
+def test_parallel_equals_serial_over_the_field_mapping(prepared, solved, tmp_path, monkeypatch):
     monkeypatch.setattr(solver_interval, "LEAST_CELLS", 100)
-    parallel = copy_of(meshed, tmp_path / "parallel")
+    parallel = copy_of(prepared, tmp_path / "parallel")
     run_stage.run(parallel, quiet=True, ranks=2)
     assert force_difference(solved, parallel) < 1e-6
     assert record(parallel)["ranks"] == 2
 
 
 def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_same_forces(
-    meshed, solved, tmp_path, monkeypatch
+    prepared, solved, tmp_path, monkeypatch
 ):
-    scene = copy_of(meshed, tmp_path / "killed")
+    scene = copy_of(prepared, tmp_path / "killed")
     map_fields = preparing.map_fields
 
     def interrupted(*arguments):
@@ -137,31 +126,26 @@ def test_a_run_killed_in_its_second_interval_and_while_mapping_ends_with_the_sam
         with pytest.raises(KeyboardInterrupt):
             run_stage.run(scene, quiet=True)
     intervals = read_intervals(scene.out)
-    first, second = (scene.out / "case" / interval.name for interval in intervals[:2])
-    logged = (first / "log.pimpleFoam").stat().st_mtime_ns
-    process = subprocess.Popen(solving(scene), cwd=ROOT)
-    deadline = time.monotonic() + 120
-    while len(list(second.glob("0.*/uniform/time"))) < 3 and time.monotonic() < deadline:
-        assert process.poll() is None
-        time.sleep(0.005)
+    first, second = (interval.name for interval in intervals[:2])
+    log = scene.out / "case" / first / "log.pimpleFoam"
+    logged = log.stat().st_mtime_ns
     # the lock itself, not a second run, which would begin after the end of the interval
-    with pytest.raises(BlockingIOError, match="another make"), exclusive(scene.out / "solver"):
+    locked = pytest.raises(BlockingIOError, match="another make")
+    third = f"{second}/0.*/uniform/time", 3
+    with killed_after(scene, *third), locked, exclusive(scene.out / "solver"):
         pass
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    time.sleep(0.5)  # the solver notices that its parent is gone
     run_stage.run(scene, quiet=True)
-    assert (first / "log.pimpleFoam").stat().st_mtime_ns == logged  # not solved again
+    assert log.stat().st_mtime_ns == logged  # not solved again
     (resumed,) = record(scene)["resumed"]
     assert resumed >= intervals[1].begin
     assert force_difference(solved, scene) < 1e-6
 
 
-def test_the_case_of_a_run_at_work_is_not_written_anew(meshed):
-    intervals = sorted((meshed.out / "case").iterdir())
-    with exclusive(meshed.out / "solver"), pytest.raises(BlockingIOError, match="another make"):
-        case_stage.run(meshed, quiet=True)
-    assert sorted((meshed.out / "case").iterdir()) == intervals
+def test_the_case_of_a_run_at_work_is_not_written_anew(prepared):
+    intervals = sorted((prepared.out / "case").iterdir())
+    with exclusive(prepared.out / "solver"), pytest.raises(BlockingIOError, match="another make"):
+        case_stage.run(prepared, quiet=True)
+    assert sorted((prepared.out / "case").iterdir()) == intervals
 
 
 def test_quarter_and_half_models_agree(tmp_path):

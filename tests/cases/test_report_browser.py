@@ -216,10 +216,11 @@ def test_cells_of_a_narrow_table_name_their_column(browser, lab_page):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1300])
 @pytest.mark.parametrize("which", ["report", "lab"])
-def test_axe_has_no_serious_finding(browser, page, lab_page, which, scheme):
+def test_axe_has_no_serious_finding(browser, page, lab_page, which, width, scheme):
     colour_scheme(browser, scheme)
-    browser.show(lab_page if which == "lab" else page, 1300)
+    browser.show(lab_page if which == "lab" else page, width)
     assert serious_findings(browser) == {}
 
 

@@ -2,14 +2,10 @@
 
 import re
 import shutil
-import signal
-import subprocess
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tqdm import tqdm
 
 from pipeline.formats.mesh_intervals import read_planform
 from pipeline.openfoam.environment import foam_version
@@ -18,13 +14,9 @@ from pipeline.scene.scene import Scene, load_scene
 from pipeline.solve import interval as solver_interval
 from pipeline.solve import stage as run_stage
 from pipeline.solve.checkpoint import read_progress
-from pipeline.solve.guards import Guard
-from pipeline.solve.interval import KnownMotion, solver_intervals
-from pipeline.solve.prepare import prepare as write_motion
-from pipeline.solve.solver import solve
 from piv.files.errors import StageError
-from tests.cases.conftest import copy_of, force_difference, record, solving, table
-from tests.conftest import ROOT, meshes_of, prepare, write_scene
+from tests.cases.conftest import copy_of, force_difference, killed_after, record, table
+from tests.conftest import meshes_of, prepare, write_scene
 
 pytestmark = pytest.mark.openfoam
 RESUMES = foam_version() == "v1912" if shutil.which("pimpleFoam") else True  # v2306 begins again
@@ -59,14 +51,6 @@ def few_cells(monkeypatch):
 def prepared(tmp_path_factory):
     """A half model, meshed but not solved."""
     return short_scene(tmp_path_factory.mktemp("prepared") / "half", "half")
-
-
-@pytest.fixture(scope="module")
-def solved(prepared, tmp_path_factory):
-    """The half model, solved without a stop on one rank."""
-    scene = copy_of(prepared, tmp_path_factory.mktemp("solved") / "half")
-    run_stage.run(scene, quiet=True)
-    return scene
 
 
 def test_mesh_points_follow_the_data(solved):
@@ -141,22 +125,14 @@ def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path):
     scene = short_scene(tmp_path / "straight")
     killed = copy_of(scene, tmp_path / "killed")
     run_stage.run(scene, quiet=True)
-    command, case = solving(killed), killed.out / "case"
-    process = subprocess.Popen(command, cwd=ROOT)
-    checkpoint = case / "interval_0" / "0.02" / "uniform" / "time"
-    deadline = time.monotonic() + 600
-    while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.005)
-    process.send_signal(signal.SIGKILL)  # the solver must notice that its parent is gone
-    process.wait()
-    time.sleep(0.5)
-    if (killed.out / "run" / "run.json").exists():
-        pytest.skip("the run ended before it could be killed")
+    with killed_after(killed, "interval_0/0.02/uniform/time"):
+        pass
     # an incomplete checkpoint must be noticed
-    newest = max((case / "interval_0").glob("0.*/U"), key=lambda path: float(path.parent.name))
+    fields = killed.out.glob("case/interval_0/0.*/U")
+    newest = max(fields, key=lambda path: float(path.parent.name))
     newest.write_bytes(newest.read_bytes()[:-400])
     assert not is_complete(newest)
-    subprocess.run(command, cwd=ROOT, check=True)
+    run_stage.run(killed, quiet=True)
     assert len(record(killed)["resumed"]) == 1
     assert force_difference(scene, killed) < 1e-6
 
@@ -206,30 +182,6 @@ def test_a_stopped_run_of_half_the_tank_samples_the_same_sheet(tmp_path, stop_at
     assert straight
     assert straight.keys() == resumed.keys()
     assert [time for time in straight if straight[time] != resumed[time]] == []
-
-
-def test_a_uniform_stream_stays_uniform_on_the_moving_mesh(tmp_path):
-    """Every boundary lets the stream through, the finger too; only the mesh moves."""
-    scene = short_scene(tmp_path / "stream", end=0.02)
-    case = scene.out / "case" / "interval_0"
-    velocity = (case / "0" / "U").read_text()
-    velocity = velocity.replace("uniform (0 0 0);\n\nboundary", "uniform (0.3 0.1 0);\n\nboundary")
-    walls = r"""("[^"]*(?:finger|tank)[^"]*"|top)( +)\{[^}]*\}"""
-    stream = r"\1\2{ type fixedValue; value uniform (0.3 0.1 0); }"
-    velocity, count = re.subn(walls, stream, velocity)
-    assert count == 3
-    velocity = re.sub(r"gap( +)\{[^}]*\}", r"gap\1{ type zeroGradient; }", velocity)
-    (case / "0" / "U").write_text(velocity)
-    parts = solver_intervals(scene, 1, quiet=True)
-    parts[0].guard, motion = Guard(scene.numerics.max_courant), KnownMotion(parts[0])
-    write_motion(parts, 0, motion, quiet=True)
-    solution = case / "system" / "fvSolution"
-    text = re.sub(r"(tolerance +)[\de.-]+;", r"\g<1>1e-12;", solution.read_text())
-    solution.write_text(re.sub(r"(relTol +)[\d.]+;", r"\g<1>0;", text))
-    with tqdm(disable=True) as bar:
-        solve(parts[0], motion, bar)
-    # the linear solvers' tolerance, 1e-12, times their steps
-    assert np.abs(vectors(case / "0.02" / "U") - [0.3, 0.1, 0.0]).max() < 1e-8
 
 
 def test_full_and_half_models_agree(solved, tmp_path):

@@ -9,7 +9,7 @@ from piv.fields.lines import along_line
 from piv.fields.spectra import space_spectrum, time_spectrum
 from piv.fields.statistics import statistics
 from piv.formats.plane_series import UNCERTAIN, make_plane, usable
-from piv.plots.vectors import round_below, vorticity, vorticity_scale
+from piv.plots.vectors import round_below, shaded, vorticity_scale
 from piv.synthetic.plane_spline import PlaneField
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
@@ -44,7 +44,7 @@ READERS = {
     "line": lambda s: along_line(s, (0.001, 0.02), (0.038, 0.02))[["along", "u_std"]].to_array(),
     "time": lambda s: time_spectrum(s, [(CENTRE, CENTRE)])["averaged"],
     "space": lambda s: space_spectrum(s, "x"),
-    "picture": lambda s: vorticity(s.isel(time=0)),
+    "picture": lambda s: shaded(s.isel(time=0), "vorticity"),
     "continued": lambda s: PlaneField(s).plane(0),
     "vortices": lambda s: tabulate_vortices(s)[["x", "y", "circulation", "radius"]],
     "compared": lambda s: field_sums(s, s),

@@ -50,7 +50,6 @@ def test_comments_docstrings_and_formatting_do_not_count(copy: Path) -> None:
 @pytest.mark.parametrize(
     "file, old, new, stages",
     [
-        (MEASURES, FORMULA, DOUBLED, {"compare"}),
         ("postprocess/report/templates/head.html", "<html", "<html id='a'", {"report"}),
         ("postprocess/compare/agreement.toml", "0.", "1.", {"compare"}),
         ("pipeline/structure/energy.py", "\ndef ", "\nNEW = 1\n\n\ndef ", {"loads"}),
