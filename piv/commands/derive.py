@@ -34,11 +34,12 @@ def run(args: argparse.Namespace) -> None:
     """Derive quantities of a series part by part, and write them."""
     with open_vectors(args.source) as series:
         length = window_of(series) if args.correlation_length is None else args.correlation_length
-        options = {"quantities": tuple(args.quantities), "correlation_length": length}
+        names = tuple(args.quantities)
         if "time" in series["u"].dims:
-            write_blocks(derived_blocks(series, **options), args.output, series)
+            parts = derived_blocks(series, names, correlation_length=length)
+            write_blocks(parts, args.output, series)
         else:
-            write_plane(derived(series, **options), args.output)
+            write_plane(derived(series, names, correlation_length=length), args.output)
         unit, known = series["x"].attrs.get("units", "m"), "u_std" in series
     if args.quiet:
         return

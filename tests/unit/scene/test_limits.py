@@ -88,7 +88,9 @@ NONSENSE = [
     ("[motion]\nend_time = 0.001", ["motion.end_time", "give at least 0.008"]),
     ("[numerics]\ntime_step = 1e-3\n[motion]\nend_time = 0.004", ["2 pictures", "at least 1000"]),
     ("[motion]\nend_time = 1e9", ["motion.end_time", "at most 600"]),
-    ('mesh = "fine"', ["mesh", "got 'fine'"]),
+    ('mesh = "fine"', ["mesh: give a table (got 'fine')"]),
+    ("[motion]\nstrokes = { a = 1 }", ["motion.strokes: give a list"]),
+    ("[numerics]\nmax_courant = 1e-300", ["numerics.max_courant: ", "greater than or equal"]),
     ("body = 3", ["body", "got 3"]),
     # accepted and meaningless before
     ("[structure]\nbending_stiffness = 1e-12", ["structure.bending_stiffness", "7.11e-06"]),

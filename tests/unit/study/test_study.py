@@ -9,7 +9,6 @@ import pytest
 import softfinger.study.plan
 import softfinger.study.table
 from pipeline.runs.run import run_of
-from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from piv.files.record import read_record
 from softfinger import __main__ as program
@@ -249,22 +248,6 @@ def test_one_run_of_a_long_study_reads_the_scene_of_no_other(tmp_path, monkeypat
     table = study_table(plan, missing_runs(plan))
     assert read == ["r5"]
     assert list(table["missing"]) == ["not made yet"] * 500
-
-
-@pytest.mark.parametrize(
-    "text, words",
-    [
-        ('model = "2d"\n', r"model: give a table \(got '2d'\)"),
-        ("[motion]\nstrokes = {a = 1}\n", r"motion.strokes: give a list"),
-        ("[numerics]\nmax_courant = 1e-300\n", "numerics.max_courant: .*greater than or equal"),
-    ],
-)
-def test_a_key_of_another_kind_is_said_in_the_words_of_the_file(tmp_path, text, words) -> None:
-    folder = tmp_path / "s"
-    folder.mkdir()
-    (folder / "scene.toml").write_text(f'extends = "{CASES / "single_finger"}"\n{text}')
-    with pytest.raises(StageError, match=words):
-        load_scene(folder, "smoke")
 
 
 def test_a_column_over_another_is_drawn_or_what_is_missing_is_named(tmp_path):
