@@ -150,7 +150,7 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     for name in ("pair-opposite", "boundary-line", "above-upward", "downward-jet"):
         assert checks[name]["met"], (name, checks[name]["measured"], checks[name]["notes"])
     assert checks["pair-tracked"]["measured"]["cfd"] == 1.0
-    assert exact["imbalance"].median() < 1e-6
+    assert exact["imbalance"].max() < 1e-6
     # windows of 8 mm hide half of the vortex: the pair's circulation is undecided, with a cure
     assert checks["pair-equal"]["met"] is None
     assert "set a smaller piv.window" in checks["pair-equal"]["cure"]
@@ -163,7 +163,7 @@ def test_the_pinch_shows_an_exact_pair_and_piv_sees_it(pinch):
     left, right = pairs["circulation_0"], pairs["circulation_1"]
     # 0.29 was measured (RMS) with these windows; the shipped pinch at smoke has 0.6 %
     assert np.abs(left + right).mean() < 0.3 * np.abs(left).mean()
-    assert exact["mirror_distance"].median() < 1e-9
+    assert exact["mirror_distance"].max() < 1e-9
     # a quarter of a window; below 1 mm on one processor, 1.5 mm on another
     assert checks["pair-mirrored"]["measured"]["piv"] < 2e-3
     assert (pinch / "report.html").read_text().count('id="pinch"') == 1

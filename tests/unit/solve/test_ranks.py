@@ -8,11 +8,6 @@ from pipeline.openfoam.foamfile import binary_list, header, labels_of, write_byt
 from piv.files.errors import StageError
 
 
-def test_folders(tmp_path):
-    assert Case(tmp_path).folders == [tmp_path]
-    assert [f.name for f in Case(tmp_path, 2).folders] == ["processor0", "processor1"]
-
-
 def test_labels_of_each_rank(tmp_path):
     """As decomposePar writes them: with a header in each file."""
     case, lists = Case(tmp_path, 2), [np.arange(5), np.array([7, 9])]
