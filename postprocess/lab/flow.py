@@ -109,7 +109,8 @@ def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
     """What the recording's own bend and duration change of `COLUMNS` at each instant.
 
     The bend by the run of the pressure. A stroke of another duration has the same flow at equal
-    phase, at a speed that goes with 1/duration; no run tells that as well. None: unknown.
+    phase, at a speed that goes with 1/duration; no run tells that as well. None: unknown. NaN
+    beyond the phases of the simulation: a shorter stroke is over before it ends.
     """
     named = {e.of.name: e for e in case.of_motion}
     if not named:
@@ -120,7 +121,8 @@ def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
     known = direct[direct["circulation"].notna()]
     stretch, times = case.registration.law.values[2], direct["time"].to_numpy()
     there = {
-        name: np.interp(times / stretch, known["time"], known[name], np.nan) for name in COLUMNS
+        name: np.interp(times / stretch, known["time"], known[name], np.nan, np.nan)
+        for name in COLUMNS
     }
     there["circulation"] /= stretch
     return [bend.share * bend.table[[*COLUMNS]], pd.DataFrame(there) - direct[[*COLUMNS]]]
