@@ -29,6 +29,7 @@ from postprocess.lab.motion import (
     difference,
     onset,
     over_bend,
+    stroke_duration,
     with_speeds,
 )
 from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
@@ -81,7 +82,11 @@ def compare_with(
         motion = scene.motion_folder / "kinematics.h5"
         kinematics = read_kinematics(motion)
         kinematics = over_bend(kinematics) if scene.coupled else kinematics
-        runs = _beside(run, beside if inputs else (), machine)
+        asked = beside if inputs else ()
+        numbers = scene_numbers(StageFiles(scene))
+        # where water moves the finger as well, a longer stroke has no similar flow
+        longer = {} if scene.coupled else {o: s for o in asked if (s := o.stretch(numbers))}
+        runs = _beside(run, [of for of in asked if of not in longer], machine)
         parents = [scene.folder, *scene.parents]
         cases, levels = [], level_windows(parents, scene.level, _plane(run))
         for dpiv, name in zip(dpivs, names, strict=True):
@@ -93,6 +98,8 @@ def compare_with(
                 changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
                 changed = over_bend(changed) if scene.coupled else changed
                 case.effects.append(Effect(of, *difference(kinematics, changed)))
+            lasts = stroke_duration(kinematics)
+            case.effects.extend(Effect(of, 0.0, (s - 1) * lasts) for of, s in longer.items())
             cases.append((dpiv, case, seen[1]))
         solved = {name: one for name, (_, one) in runs.items()}
         compared = [
@@ -103,7 +110,9 @@ def compare_with(
             for dpiv, case, view in cases
         ]
         result = summary(compared) | {
-            "missing_runs": sorted({"pressure", "duration", *(o.name for o in beside)} - set(runs)),
+            "not_varied": sorted(
+                {"pressure", "duration", *(o.name for o in beside)} - {o.name for o in asked}
+            ),
             "scene": scene.name,
             "level": scene.level,
             "plane": _plane(run),
@@ -131,7 +140,7 @@ def _plane(run: Run) -> bool:
     return bool(run.scene.model.kind == "2d")
 
 
-def _beside(run: Run, beside: tuple[Input, ...], machine: Machine) -> dict[str, tuple[Input, Run]]:
+def _beside(run: Run, beside: list[Input], machine: Machine) -> dict[str, tuple[Input, Run]]:
     """The runs beside the nominal one, by name, with their kinematics made."""
     runs = {}
     for of in beside:

@@ -19,7 +19,7 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import Comparison
+from postprocess.lab.motion import Comparison, stroke_duration
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -76,9 +76,9 @@ def measure(
 
 
 def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Comparison:
-    """The case with both sides measured, and with what each run changes of the simulation's flow.
+    """The case with both sides measured, and with what each input changes of the simulation's flow.
 
-    `sheets`: those of the runs, by name.
+    `sheets`: those of the inputs' runs, by name; an input without is a stroke's duration.
     """
     named = {"data": sides.data, "virtual": sides.virtual, "direct": sides.direct}
     pose, seen = case.registration.pose, np.ones(sides.data["u"].shape, bool)
@@ -91,6 +91,10 @@ def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Compar
     x, y, times = (sides.direct[n].values for n in ("x", "y", "time"))
     effects, at = [], ours["time"].to_numpy()
     for effect in case.effects:
+        if effect.of.name not in sheets:
+            longer = 1 + effect.duration / stroke_duration(case.kinematics)
+            effects.append(replace(effect, table=of_stretch(measured["direct"], longer)))
+            continue
         with read_plane(sheets[effect.of.name]) as opened:
             sheet = opened.load()
         # of a run that ends earlier, its end
@@ -105,27 +109,32 @@ def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Compar
     return replace(case, flow=sides, measured=measured, effects=effects)
 
 
-def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
-    """What the recording's own bend and duration change of `COLUMNS` at each instant.
+def of_stretch(direct: pd.DataFrame, stretch: float) -> pd.DataFrame:
+    """What a stroke `stretch` times as long changes of `COLUMNS` at each instant.
 
-    The bend by the run of the pressure. A stroke of another duration has the same flow at equal
-    phase, at a speed that goes with 1/duration; no run tells that as well. None: unknown. NaN
-    beyond the phases of the simulation: a shorter stroke is over before it ends.
+    The flow is the same at equal phase, at a speed that goes with 1/duration; no run tells that as
+    well. NaN beyond the phases of the simulation: a shorter stroke is over before it ends.
+    """
+    known = direct[direct["circulation"].notna()]
+    phase = direct["time"] / stretch
+    there = {n: np.interp(phase, known["time"], known[n], np.nan, np.nan) for n in COLUMNS}
+    there["circulation"] /= stretch
+    return pd.DataFrame(there) - direct[[*COLUMNS]]
+
+
+def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
+    """What the recording's own bend and duration change of `COLUMNS`; none: unknown.
+
+    The bend by the run of the pressure.
     """
     named = {e.of.name: e for e in case.of_motion}
     if not named:
         return []
-    bend, direct = named["pressure"], case.measured["direct"]
+    bend = named["pressure"]
     assert bend.table is not None
     assert bend.share is not None
-    known = direct[direct["circulation"].notna()]
-    stretch, times = case.registration.law.values[2], direct["time"].to_numpy()
-    there = {
-        name: np.interp(times / stretch, known["time"], known[name], np.nan, np.nan)
-        for name in COLUMNS
-    }
-    there["circulation"] /= stretch
-    return [bend.share * bend.table[[*COLUMNS]], pd.DataFrame(there) - direct[[*COLUMNS]]]
+    stretched = of_stretch(case.measured["direct"], case.registration.law.values[2])
+    return [bend.share * bend.table[[*COLUMNS]], stretched]
 
 
 def corrected(case: Comparison) -> pd.DataFrame:

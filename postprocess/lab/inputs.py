@@ -46,7 +46,17 @@ class Input(Table):
     @property
     def how(self) -> str:
         """How its uncertainty is found."""
-        return f"run with {self.key} {self.step:+g}"
+        return f"{self.key} {self.step:+g}"
+
+    def stretch(self, numbers: dict[str, Any]) -> float | None:
+        """Factor by which its step lengthens a scene's only stroke; None: it does something else.
+
+        Similarity tells what that changes, without a run.
+        """
+        strokes = numbers["motion"].get("strokes") or []
+        if self.key != "motion.strokes.0.duration" or len(strokes) != 1:
+            return None
+        return float(1 + self.step / strokes[0]["duration"])
 
     def overrides(self, numbers: dict[str, Any]) -> dict[str, Any]:
         """The changed number by dotted key; a list, as of strokes, is replaced as a whole."""

@@ -227,12 +227,12 @@ def answer(result: dict[str, Any]) -> str:
         parts.append(_cause_of_motion(moves, result["registration"], result["coupled"]))
     if wrong:
         parts.append(_cause_of_flow(moves, wrong, result["all_water"]))
-    lacks = [f"the run {name}" for name in result["missing_runs"]]
+    lacks = [f"the input {name}" for name in result["not_varied"]]
     if result["level"] not in result["levels"]:
         lacks.append(f"the numerical error of level {result['level']} (softfinger tradeoff)")
     if flow and lacks:
         parts.append(
-            f"Not in u_val, because not made or measured: {', '.join(lacks)}; differences are"
+            f"Not in u_val, because not varied or measured: {', '.join(lacks)}; differences are"
             " judged too strictly, and larger errors than those named could hide."
         )
     return " ".join(part for part in parts if part)
@@ -310,8 +310,8 @@ def _cause_of_motion(moves: str, registration: dict[str, Any], coupled: bool) ->
 def _cause_of_flow(moves: str | None, wrong: list[Quantity], all_water: float | None) -> str:
     """The cause of a flow that differs in the quantities `wrong`."""
     text = (
-        "Whether motion or flow model is to blame is not known: the motion's effect on the flow"
-        " needs the runs pressure and duration."
+        "Whether motion or flow model is to blame is not known: what the motion changes needs the"
+        " inputs pressure and duration (inputs.toml, without --no-inputs)."
     )
     if moves is None:
         text = "The flow model is to blame, or a motion other than the simulated one."

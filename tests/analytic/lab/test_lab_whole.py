@@ -97,7 +97,7 @@ def test_vectors_are_compared_from_wherever_their_files_count(run, tmp_path):
     plane, root = measured_by(run)
     result, quantities, _ = compared(run, state_vectors(plane, tmp_path / "sound", root))
     assert result["verdict"] == "agrees", quantities
-    assert result["missing_runs"] == ["duration", "pressure"]
+    assert result["not_varied"] == ["duration", "pressure"]
     assert abs(quantities["circulation"]["error"][0] / quantities["circulation"]["data"][0]) < 0.02
     assert np.hypot(*quantities["centre"]["error"]) < 0.3e-3
     assert "final_bend" not in quantities  # vectors do not show it
@@ -144,7 +144,7 @@ def test_a_stronger_vortex_is_a_model_error(run, tmp_path):
     plane, root = measured_by(run, gain=1.25)
     folder = state_vectors(plane, tmp_path / "stronger", root)
     result, quantities, first = compared(run, folder, inputs=True)
-    assert result["missing_runs"] == ["duration"]
+    assert result["not_varied"] == ["duration"]
     assert result["verdict"] == "model error"
     circulation = quantities["circulation"]
     assert circulation["verdict"] == "model error"

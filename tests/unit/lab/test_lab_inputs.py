@@ -32,6 +32,14 @@ def test_each_run_changes_one_number(case):
         assert all(getattr(one, part) == getattr(nominal, part) for one in changed.values()), part
 
 
+def test_the_only_stroke_needs_no_run_for_its_duration(case):
+    pressure, duration = read_inputs(CASE)
+    assert pressure.stretch(case[1]) is None
+    assert duration.stretch(case[1]) == pytest.approx(1.1)
+    strokes = 2 * case[1]["motion"]["strokes"]
+    assert duration.stretch({"motion": {"strokes": strokes}}) is None
+
+
 def asked(key: str, step: float = 0.001) -> Input:
     """What inputs.toml would say of one number."""
     return Input(name="one", key=key, step=step, limit=1.0, reason="r")

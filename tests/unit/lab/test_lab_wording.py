@@ -53,7 +53,7 @@ def result(*quantities, missing=()):
     return {
         **verdicts(list(quantities)),
         "quantities": list(quantities),
-        "missing_runs": list(missing),
+        "not_varied": list(missing),
         "registration": law,
         "all_water": None,
         "quality": {"pictures": 40.0, "density_ppp": 0.05},
@@ -144,7 +144,10 @@ def test_without_runs_a_flow_is_not_blamed_where_the_motion_may_be(motion):
 def test_yes_names_the_runs_that_u_val_lacks():
     text = answer(result(STRAIGHT, SAME, missing=["duration", "pressure"]))
     assert text.startswith("Motion: yes. Flow: yes. ")
-    assert "because not made or measured: the run duration, the run pressure; differences" in text
+    assert (
+        "because not varied or measured: the input duration, the input pressure; differences"
+        in text
+    )
 
 
 def test_a_flow_that_could_err_by_a_third_unseen_cannot_be_said():
