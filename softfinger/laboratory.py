@@ -186,7 +186,8 @@ def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Regis
     if check.refusals:
         write_bytes(refused, draw_fit(check))
         text = f"the registration is refused: {'; also, '.join(check.refusals)}"
-        raise StageError(f"{path}: {text}; see {refused}")
+        key = "green: as fitted, red: what does not fit, orange: as stated"
+        raise StageError(f"{path}: {text}; see {refused} ({key})")
     registration = register(fit, kinematics, known)
     return registration, registration.pose.view(np.array([[0.0, 0.0], [columns, rows]]), MARGIN)
 

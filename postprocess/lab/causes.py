@@ -33,15 +33,14 @@ GROWN = 1.5  # px, of the outline at most: a sound fit is a little smaller than 
 FAR_OFF = 3.0  # standard deviations from a stated or plausible value
 SURE = 4.5  # standard deviations of a count: parts and bands make sixty of them
 # Ratios to the water's own density: beside the outline at least (seeding is uneven there, but what
-# is denser bounds the outline as well), and within it at most; on the edge, to that beside it.
-MISSING, WITHIN, ON_EDGE = 0.35, 0.08, 1.25
+# is denser bounds the outline as well), and within it at most.
+MISSING, WITHIN = 0.35, 0.08
 SHADOW = "particles are missing beside it, as in a shadow"
 UNLIKE = "fewer particles lie on its edge than beside it, as by a shadow or a reflection"
-BRIGHT = "it is brighter than the water, as by a reflection"
 GREEN, RED, ORANGE = np.array([[103, 194, 39], [66, 60, 235], [66, 140, 255]])  # BGR
 
 EDGE_OF_SHAPES = 0.97  # of REACH: a fit that would go on stays below it
-LARGEST = 1.8  # factor by which pressure and duration may differ, either way
+LARGEST = 1.8  # factor by which the duration may differ, either way
 MISFIT = 0.04  # of the range of pressure: rms distance of single pictures from the law
 JUMP = 6.0  # standard deviations of a jump: every instant is tried
 MOVED = np.array([1.0, 1.0, 0.01])[:, None]  # px, px, rad: least jump of the camera
@@ -55,13 +54,15 @@ NOISE = 0.002  # of the range of pressure: what a single picture is not known be
 class FitCheck:
     """Sentences on what does not fit (none: accepted), and a picture of it.
 
-    A frame, its outline (point, 2) px with y up, and which of its points do not fit.
+    A frame, its outline (point, 2) px with y up, which of its points do not fit, and the finger's
+    where dpiv.toml states it.
     """
 
     refusals: list[str]
     picture: np.ndarray
     outline: np.ndarray
     wrong: np.ndarray
+    stated: np.ndarray
 
 
 def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
@@ -73,14 +74,13 @@ def check_fit(fit: Fit, kinematics: Kinematics, known: Known) -> FitCheck:
     before = replace(profile, count=profile.count[seen], area=profile.area[seen])
     parts = {} if moved else _wrong_parts(before)
     # scale, root and clock of an outline that is not the finger's are its fault
-    causes = [] if moved else outline_causes(fit, parts, known)
-    if not causes:
-        stated = [] if moved else [*scale_cause(fit, known), *root_causes(fit, known)]
-        causes = [*stated, *motion]
+    causes = motion if moved else outline_causes(fit, parts, known)
+    causes = causes or [*stated_causes(fit, known), *motion]
     missing = profile.rate() * profile.area[..., NEAR] - profile.count[..., NEAR]
     worst = int(np.argmax((profile.count[..., INSIDE] + missing).sum(axis=1)))
-    wrong = np.isin(profile.part, list(parts))
-    return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong)
+    wrong = np.isin(profile.part, list(parts)) | (not moved and _unlike(fit))
+    stated = known.pose.to_px(kinematics.shape("outline", fit.singles[0][worst]))
+    return FitCheck(causes, fit.images[worst], profile.outlines[worst], wrong, stated)
 
 
 def _beyond(pressures: np.ndarray, kinematics: Kinematics) -> np.ndarray:
@@ -95,24 +95,19 @@ def _off(fit: Fit, at: int, stated: float, std: float) -> tuple[float, bool]:
     return off, abs(off) > FAR_OFF * float(np.hypot(std, np.sqrt(fit.covariance[at, at])))
 
 
-def scale_cause(fit: Fit, known: Known) -> list[str]:
-    """A scale that is not the stated one."""
-    scale_std = float(np.hypot(known.scale_std, known.length_std))
-    off, wrong = _off(fit, SCALE, -float(np.log(known.pose.pixel)), scale_std)
-    if not wrong:
-        return []
-    scale = 1e3 * np.exp(-fit.state[SCALE])
-    return [
-        f"the scale is wrong: the finger in the pictures has {scale:.4g} mm/px ±"
-        f" {100 * np.sqrt(fit.covariance[SCALE, SCALE]):.1g} %, {100 * np.expm1(-off):+.1f} % off"
-        f" the stated one, which is known to {100 * scale_std:.2g} %; correct"
-        f" scale.scale_mm_per_px ({scale:.4g} fits), its std_percent, or finger_length_std_mm"
-    ]
-
-
-def root_causes(fit: Fit, known: Known) -> list[str]:
-    """A root or a turn that is not the stated one."""
+def stated_causes(fit: Fit, known: Known) -> list[str]:
+    """A scale, a root or a turn that is not the stated one."""
     out, pose = [], known.pose
+    scale_std = float(np.hypot(known.scale_std, known.length_std))
+    off, wrong = _off(fit, SCALE, -float(np.log(pose.pixel)), scale_std)
+    if wrong:
+        scale, std = 1e3 * np.exp(-fit.state[SCALE]), np.sqrt(fit.covariance[SCALE, SCALE])
+        out.append(
+            f"the scale is wrong: the finger in the pictures has {scale:.4g} mm/px ±"
+            f" {100 * std:.1g} %, {100 * np.expm1(-off):+.1f} % off the stated one, which is known"
+            f" to {100 * scale_std:.2g} %; correct scale.scale_mm_per_px ({scale:.4g} fits), its"
+            " std_percent, or finger_length_std_mm"
+        )
     px = np.sqrt(np.diag(fit.covariance)[:2])
     off = np.hypot(*(fit.state[:2] - pose.at_px)) * pose.pixel
     if off > FAR_OFF * np.hypot(ROOT_STD, pose.pixel * px.max()):
@@ -132,7 +127,7 @@ def root_causes(fit: Fit, known: Known) -> list[str]:
 
 def motion_causes(fit: Fit, kinematics: Kinematics, known: Known) -> list[str]:
     """A clock or a camera that the motion contradicts: the one that explains most, or none."""
-    factor, _, stretch = fit.state[LAW]
+    stretch = fit.state[LAW.stop - 1]
     span = kinematics.high - kinematics.low
     if _beyond(fit.law, kinematics).any():
         return [
@@ -156,11 +151,6 @@ def motion_causes(fit: Fit, kinematics: Kinematics, known: Known) -> list[str]:
             ]
     if jump := _jump(fit, kinematics):
         return [jump]
-    if not 1 / LARGEST < factor < LARGEST:
-        return [
-            f"the finger of the pictures bends as at {factor:.2g} times the simulation's pressure;"
-            " correct motion.strokes of the scene"
-        ]
     misfit = float(np.sqrt(np.mean((fit.singles[0] - fit.law) ** 2)))
     if misfit > MISFIT * span:
         off = abs(kinematics.splines["bend"](kinematics.high, 1)) * misfit
@@ -208,12 +198,8 @@ def _jump(fit: Fit, kinematics: Kinematics) -> str:
         return ""
     when, part = f"from {times[at]:.3f} s of the recording on", "give the part before or behind it"
     if most is camera:
-        x, y, turn = (size * MOVED)[:, at]
-        return (
-            f"the camera moved: {when} the finger's root lies at least {np.hypot(x, y):.1f} px"
-            f" from where it lay, turned by {np.degrees(turn):.1f}°; {part} as a recording of its"
-            " own"
-        )
+        where = "the finger lies elsewhere in the pictures"
+        return f"the camera moved: {when} {where}; {part} as a recording of its own"
     where, why = "ahead of", "pictures are missing there"
     if late[at] > 0:
         where, why = "behind", "a picture is there twice, or the finger halted"
@@ -244,6 +230,11 @@ def _steps(
     return sure, size
 
 
+def _unlike(fit: Fit) -> bool:
+    """Whether the outline had to be grown or shrunk too much."""
+    return not -FAR_OFF * GROWTH_STD <= fit.state[GROWTH] <= GROWN
+
+
 def outline_causes(fit: Fit, parts: dict[int, str], known: Known) -> list[str]:
     """An outline that does not explain the pictures: its `parts`, or its growth."""
     growth, out = float(fit.state[GROWTH]), []
@@ -256,7 +247,7 @@ def outline_causes(fit: Fit, parts: dict[int, str], known: Known) -> list[str]:
             f"the finger's outline does not explain the pictures: {where}; light the finger so that"
             f" water is seen all around it{hidden}"
         )
-    if not -FAR_OFF * GROWTH_STD <= growth <= GROWN:
+    if _unlike(fit):
         change, limit = ("grown", GROWN) if growth > 0 else ("shrunk", FAR_OFF * GROWTH_STD)
         out.append(
             f"the outline had to be {change} by {abs(growth):.1f} px on all sides, more than blur"
@@ -289,7 +280,6 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
     on_edge = float(np.median(count[sees, EDGE] / np.maximum(water[sees, EDGE], 1.0)))
     tests = (
         (INSIDE, 1, WITHIN, WITHIN, "particles lie within it"),
-        (EDGE, 1, ON_EDGE, ON_EDGE, BRIGHT),
         (EDGE, -1, on_edge, 0.5 * on_edge, UNLIKE),
         (NEAR, -1, 1.0, MISSING, SHADOW),
     )
@@ -306,8 +296,9 @@ def _wrong_parts(profile: OutlineProfile) -> dict[int, str]:
 
 
 def draw_fit(check: FitCheck) -> bytes:
-    """PNG of the picture with the outline on it, the part that does not fit in red."""
-    return outlined(check.picture, [(check.outline, np.where(check.wrong[:, None], RED, GREEN))])
+    """PNG of the picture with the outline on it, what does not fit in red, the stated in orange."""
+    colours = np.where(check.wrong[:, None], RED, GREEN)
+    return outlined(check.picture, [(check.stated, ORANGE), (check.outline, colours)])
 
 
 def outlined(picture: np.ndarray, outlines: list[tuple[np.ndarray, np.ndarray]]) -> bytes:

@@ -96,7 +96,7 @@ def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str
         title=title,
         result=result,
         why=why,
-        answer=answer(result),
+        answers=answers(result),
         pair=pair,
         size=size,
         relative=_relative,
@@ -215,7 +215,12 @@ def _flow(sides: Sides, table: pd.DataFrame, pose: Pose, time: float) -> np.ndar
 
 
 def answer(result: dict[str, Any]) -> str:
-    """The page's first sentences on motion and flow, their evidence, and what is to blame."""
+    """The page's first sentences, in one line."""
+    return " ".join(answers(result))
+
+
+def answers(result: dict[str, Any]) -> list[str]:
+    """The verdicts on motion and flow, their evidence, and what is to blame."""
     motion = [q for q in result["quantities"] if q["name"] in MOTION]
     flow = [q for q in result["quantities"] if q["name"] not in MOTION]
     moves, wrong = result["motion"], [q for q in flow if q["verdict"] == ERROR]
@@ -235,7 +240,7 @@ def answer(result: dict[str, Any]) -> str:
             f"Not in u_val, because not varied or measured: {', '.join(lacks)}; differences are"
             " judged too strictly, and larger errors than those named could hide."
         )
-    return " ".join(part for part in parts if part)
+    return [part for part in parts if part]
 
 
 def _evidence(*groups: list[Quantity]) -> str:

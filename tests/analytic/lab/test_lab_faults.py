@@ -16,8 +16,7 @@ from postprocess.lab.causes import (
     draw_fit,
     motion_causes,
     outline_causes,
-    root_causes,
-    scale_cause,
+    stated_causes,
 )
 from postprocess.lab.fit_outline import law_pressure, law_through, shapes_of, state_of
 from postprocess.lab.outline_profile import outline_profile, seen_outlines, shaded_parts
@@ -192,7 +191,7 @@ def test_an_outline_that_takes_in_water_on_one_side_is_shown_in_red(kinematics):
     assert all(f"{side} side" in check.refusals[0] for side in ("dorsal", "ventral"))
     picture = cv2.imdecode(np.frombuffer(draw_fit(check), np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape[:2] == SHAPE
-    red = (picture[..., 2].astype(int) - picture[..., 0]) > 120
+    red = (picture[..., 2].astype(int) - picture[..., 1]) > 120  # orange: as stated
     rows, columns = np.nonzero(red)
     on = check.outline[check.wrong]
     away = np.hypot(columns[:, None] - on[:, 0], (SHAPE[0] - 1 - rows)[:, None] - on[:, 1])
@@ -228,12 +227,8 @@ def test_what_is_implausible_is_named_in_the_axes_of_the_laboratory(kinematics, 
     stated = poses(kinematics)[0]
     known = Known(stated, scale_std=0.01, place=lambda at: (at[0], SHAPE[0] - 1 - at[1]))
 
-    def causes(pose):
-        fit = at(kinematics, pose)
-        return scale_cause(fit, known) + root_causes(fit, known)
-
-    assert causes(stated) == []
-    [sentence] = causes(replace(stated, **change))
+    assert stated_causes(at(kinematics, stated), known) == []
+    [sentence] = stated_causes(at(kinematics, replace(stated, **change)), known)
     assert all(part in sentence for part in message.split(" .* "))
 
 
@@ -249,8 +244,8 @@ def test_a_turn_may_be_stated_as_exact(kinematics):
     """Of 1°, the fit itself knows 0.06°."""
     stated = poses(kinematics)[0]
     turned = at(kinematics, replace(stated, angle=np.radians(1.0)))
-    assert root_causes(turned, Known(stated, scale_std=0.01)) == []
-    [sentence] = root_causes(turned, Known(stated, scale_std=0.01, turn_std=0.0))
+    assert stated_causes(turned, Known(stated, scale_std=0.01)) == []
+    [sentence] = stated_causes(turned, Known(stated, scale_std=0.01, turn_std=0.0))
     assert "axes.turn_deg" in sentence
 
 
