@@ -267,8 +267,10 @@ def _evidence(*groups: list[Quantity]) -> str:
 
 def _off(q: Quantity) -> str:
     """How a quantity differs, in words, and how well each side is known."""
-    part = 100 * np.linalg.norm(q["error"]) / abs(q["scale"])
-    off = f"{size(q['error'], q['unit'])} ({part:.0f}{PER_CENT})"
+    part = f"{100 * np.linalg.norm(q['error']) / abs(q['scale']):.0f}{PER_CENT}"
+    if np.size(q["error"]) == 1:  # the sign of a circulation is that of its direction
+        part += f" {'more' if q['error'][0] * q['data'][0] > 0 else 'less'} in the simulation"
+    off = f"{size(np.abs(q['error']), q['unit'])} ({part})"
     band, seen, inputs = (
         f"±{NBSP}{size(q['k'] * np.asarray(q[u]), q['unit'])}" for u in ("u_val", "u_D", "u_input")
     )
@@ -325,8 +327,8 @@ def _cause_of_flow(moves: str | None, wrong: list[Quantity], all_water: float | 
     if all_water is None:
         return text
     return (
-        f"All water moves {all_water:.2f} times as fast at every instant: check piv.interval_s"
-        f" first. If it is right, {text[:1].lower()}{text[1:]}"
+        f"All water moves {all_water:.2f} times as fast as the simulation's at every instant: check"
+        f" piv.interval_s first. If it is right, {text[:1].lower()}{text[1:]}"
     )
 
 
