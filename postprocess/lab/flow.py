@@ -19,7 +19,7 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import Comparison, stroke_duration
+from postprocess.lab.motion import Comparison, recorded_bend, stroke_duration
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides
@@ -127,14 +127,11 @@ def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
 
     The bend by the run of the pressure.
     """
-    named = {e.of.name: e for e in case.of_motion}
-    if not named:
+    bend = recorded_bend(case)
+    if bend is None or bend[0].table is None:
         return []
-    bend = named["pressure"]
-    assert bend.table is not None
-    assert bend.share is not None
     stretched = of_stretch(case.measured["direct"], case.registration.law.values[2])
-    return [bend.share * bend.table[[*COLUMNS]], stretched]
+    return [bend[1] * bend[0].table[[*COLUMNS]], stretched]
 
 
 def corrected(case: Comparison) -> pd.DataFrame:
@@ -296,15 +293,25 @@ def run_sources(case: Comparison, columns: list[str], rows: np.ndarray) -> list[
     Where the recording shows the motion, how well it is known takes the place of the inputs of the
     motion. Else the FEA's band of the bend counts as the pressure that bends as much.
     """
-    sources = []
-    for e in case.effects:
-        moves = np.abs(e.moves(columns, rows))
-        if e.share is None:
-            sources.append(Source(e.of.name, "input", e.std(columns, rows), e.of.how))
-        else:
-            std = moves * e.share_std
-            sources.append(Source(f"{e.of.name} as recorded", "data", std, POSTERIOR))
-        if e.of.name == "pressure" and case.bend_std and not case.of_motion:
-            std, how = moves * case.bend_std / abs(e.bend), "FEA's band, by the pressure's run"
-            sources.append(Source("geometry and material", "input", std, how))
-    return sources
+    seen = recorded_bend(case)
+    own = () if seen is None else ("pressure", "duration")
+    sources = [
+        Source(e.of.name, "input", e.std(columns, rows), e.of.how)
+        for e in case.effects
+        if e.of.name not in own
+    ]
+    if seen is None:
+        for e in case.effects if case.bend_std else ():
+            if e.of.name == "pressure":
+                std = np.abs(e.moves(columns, rows)) * case.bend_std / abs(e.bend)
+                how = "FEA's band, by the pressure's run"
+                sources.append(Source("geometry and material", "input", std, how))
+        return sources
+    run, _, share_std = seen
+    std = np.abs(run.moves(columns, rows)) * share_std
+    sources.append(Source("pressure as recorded", "data", std, POSTERIOR))
+    law, direct = case.registration.law, case.measured["direct"]
+    around = law.values[2] + law.std("stretch") * np.array([-1.0, 1.0])
+    one, other = (of_stretch(direct, lasts).loc[rows, columns].mean() for lasts in around)
+    std = np.abs((other - one).to_numpy(float)) / 2
+    return [*sources, Source("duration as recorded", "data", std, POSTERIOR)]

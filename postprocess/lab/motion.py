@@ -47,16 +47,13 @@ class Effect:
     """What one run beside the nominal one changes.
 
     `bend` (rad) and `duration` (s): of the motion. `table`: change of `flow.COLUMNS` at each
-    instant; None where the flow is not compared. `share` of the change by which the recording's
-    motion differs, and its `share_std` by the registration; None where this is not known.
+    instant; None where the flow is not compared.
     """
 
     of: Input
     bend: float
     duration: float
     table: pd.DataFrame | None = None
-    share: float | None = None
-    share_std: float = 0.0
 
     def moves(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
         """Mean change of `columns` over the instants `rows`, (component,)."""
@@ -90,11 +87,6 @@ class Comparison:
     measured: dict[str, pd.DataFrame] = field(default_factory=dict)
     water_speed: float | None = None
     all_water: float | None = None
-
-    @property
-    def of_motion(self) -> list[Effect]:
-        """The runs that tell what the recording's own motion changes."""
-        return [e for e in self.effects if e.share is not None]
 
 
 def final_bend(kinematics: Kinematics, factor: float = 1.0) -> float:
@@ -179,23 +171,17 @@ def _motions(case: Comparison) -> np.ndarray:
     return np.array([bend, [lasts, lasts * stretch, lasts * law.std("stretch")]])
 
 
-def at_recorded_motion(case: Comparison) -> Comparison:
-    """The case with the recording's bend and duration in changes of the runs of pressure and time.
+def recorded_bend(case: Comparison) -> tuple[Effect, float, float] | None:
+    """The run of the pressure, the share of its change of bend by which the recording's differs.
 
-    The flow goes with the bend, and with the speed, the inverse of the duration. As it is where the
-    motion was not seen, or those runs were not made.
+    With the standard uncertainty of that share. None where the motion was not seen, or that run was
+    not made.
     """
-    named = {e.of.name: e for e in case.effects}
-    if case.registration.times.size == 0 or not {"pressure", "duration"} <= set(named):
-        return case
-    (bend, bend_seen, bend_std), (lasts, lasts_seen, lasts_std) = _motions(case)
-    slower = lasts / (lasts + named["duration"].duration) - 1
-    for name, seen, std, change in (
-        ("pressure", bend_seen - bend, bend_std, named["pressure"].bend),
-        ("duration", lasts / lasts_seen - 1, lasts * lasts_std / lasts_seen**2, slower),
-    ):
-        named[name] = replace(named[name], share=seen / change, share_std=std / abs(change))
-    return replace(case, effects=list(named.values()))
+    run = next((e for e in case.effects if e.of.name == "pressure"), None)
+    if run is None or case.registration.times.size == 0:
+        return None
+    simulated, seen, std = _motions(case)[0]
+    return run, (seen - simulated) / run.bend, std / abs(run.bend)
 
 
 def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:

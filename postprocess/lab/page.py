@@ -318,7 +318,7 @@ def _cause_of_flow(moves: str | None, wrong: list[Quantity], all_water: float | 
     """The cause of a flow that differs in the quantities `wrong`."""
     text = (
         "Whether motion or flow model is to blame is not known: what the motion changes needs the"
-        " inputs pressure and duration (inputs.toml, without --no-inputs)."
+        " input pressure (inputs.toml, without --no-inputs)."
     )
     if moves is None:
         text = "The flow model is to blame, or a motion other than the simulated one."

@@ -11,7 +11,7 @@ from piv.files.atomic import sha256
 from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.flow import corrected, flow_quantities
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import Comparison, at_recorded_motion, motion_quantities
+from postprocess.lab.motion import Comparison, motion_quantities
 from postprocess.lab.recorded import recording_quality
 from postprocess.lab.validation import ValidatedQuantity, joint_level, judged, repeated, verdicts
 
@@ -28,7 +28,6 @@ class Compared:
 
 def compare(dpiv: Dpiv, case: Comparison) -> Compared:
     """The quantities of one recording; the flow's at the recording's own motion, where known."""
-    case = at_recorded_motion(case)
     quantities, series = motion_quantities(case), None
     if case.flow is not None:
         quantities += flow_quantities(case, case.flow)

@@ -16,11 +16,11 @@ from postprocess.lab.inputs import Input
 from postprocess.lab.motion import (
     Comparison,
     Effect,
-    at_recorded_motion,
     check_rate,
     difference,
     final_bend,
     over_bend,
+    recorded_bend,
     stroke_duration,
     with_speeds,
 )
@@ -31,7 +31,7 @@ from tests.lab_scene import finger_kinematics
 
 FACTOR, STRETCH = 1.05, 0.9
 COLUMNS = ["circulation"]
-ROWS = np.ones(3, bool)
+ROWS = np.arange(3)
 PATH = Path("recording/dpiv.toml")
 
 
@@ -59,12 +59,11 @@ def input_of(name):
 
 
 def test_the_motion_is_counted_in_changes_of_the_runs(case):
-    pressure, duration = at_recorded_motion(case).of_motion
+    run, share, std = recorded_bend(case)
+    assert run.of.name == "pressure"
     # the bend is not quite linear in the pressure
-    assert pressure.share == pytest.approx(2.5, rel=0.02)
-    # by speed: 1/0.9 of the simulation's against 1/1.1 of the run's
-    assert duration.share == pytest.approx((1 / 0.9 - 1) / (1 / 1.1 - 1))
-    assert duration.share_std == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1))
+    assert share == pytest.approx(2.5, rel=0.02)
+    assert std == pytest.approx(2e-3 / 0.02, rel=0.02)
 
 
 def test_another_motion_differs_by_its_bend_and_duration(case, tmp_path):
@@ -128,33 +127,35 @@ def test_a_finger_that_bends_to_both_sides_is_refused(case):
 
 
 def test_it_takes_the_place_of_the_inputs_bands(case):
-    moved = at_recorded_motion(case)
-    names = [source.name for source in run_sources(case, COLUMNS, ROWS)]
-    assert names == ["pressure", "geometry and material", "duration"]
-    std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS)}
-    assert set(std) == {"pressure as recorded", "duration as recorded"}
+    blind = replace(case, registration=replace(case.registration, times=np.zeros(0)))
+    names = [source.name for source in run_sources(blind, COLUMNS, ROWS)]
+    assert names == ["pressure", "duration", "geometry and material"]
     # the recording's flow is stronger by 2.5 runs of pressure; at equal phase, by 1/0.9 of speed
     times = np.array([0.1, 0.2, 0.3])
     table = pd.DataFrame({"time": times, "circulation": 0.1 * times, "x": times, "y": 0.0})
     seen = {"measured": {"virtual": table, "direct": table}}
-    found = corrected(replace(moved, **seen))
+    moved = replace(case, **seen)
+    std = {s.name: s.std[0] for s in run_sources(moved, COLUMNS, ROWS[:2])}
+    assert set(std) == {"pressure as recorded", "duration as recorded"}
+    found = corrected(moved)
     added = 2.5 * 3e-5 + 0.1 * (times / 0.9**2 - times)
     added[2] = np.nan  # at a phase beyond the simulation's end nothing is known
     assert found["circulation"].to_numpy() == pytest.approx(
         0.1 * times + added, rel=0.01, nan_ok=True
     )
     assert found["x"].to_numpy() == pytest.approx(times / 0.9 + 0 * added, nan_ok=True)
-    assert corrected(replace(case, **seen)).equals(table)
-    assert std["duration as recorded"] == pytest.approx(0.004 / 0.9**2 / (1 - 1 / 1.1) * 10e-5)
+    assert corrected(replace(blind, **seen)).equals(table)
+    # the growth goes with the square of the speed
+    assert std["duration as recorded"] == pytest.approx(2 * 0.1 * 0.15 / 0.9**3 * 0.004, rel=0.01)
 
 
-@pytest.mark.parametrize("without", ["pressure", "duration", "silhouette"])
+@pytest.mark.parametrize("without", ["pressure", "silhouette"])
 def test_nothing_is_taken_out_where_it_is_not_known(case, without):
     if without == "silhouette":
         case = replace(case, registration=replace(case.registration, times=np.zeros(0)))
     else:
         case = replace(case, effects=[e for e in case.effects if e.of.name != without])
-    assert at_recorded_motion(case).of_motion == []
+    assert recorded_bend(case) is None
 
 
 def beside(kinematics, speed, stretch):
