@@ -19,7 +19,7 @@ from postprocess.lab.causes import (
     stated_causes,
 )
 from postprocess.lab.fit_outline import law_pressure, law_through, shapes_of, state_of
-from postprocess.lab.outline_profile import outline_profile, seen_outlines, shaded_parts
+from postprocess.lab.outline_profile import outline_profile, seen_outlines
 from postprocess.lab.pose import Pose
 from postprocess.lab.register import Fit, Known, fit_pictures, register
 from postprocess.lab.silhouette import learn
@@ -41,10 +41,10 @@ def poses(kinematics):
     return stated, Pose(SCALE * 1.003, np.radians(1.0), kinematics.root, (151.2, 269.1))
 
 
-def registered(kinematics, faults=None, lag=0.0, times=TIMES, stated=None, **known):
+def registered(kinematics, faults=None, times=TIMES, stated=None, **known):
     """Registration of pictures whose `times` and pose are stated, and its check."""
     first, true = poses(kinematics)
-    pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)) - lag
+    pressures = kinematics.law(np.clip(TIMES - DELAY, *kinematics.time))
     recording = Rendered(kinematics, true, pressures, SHAPE, faults)
     known = Known(stated or first, **{"scale_std": 0.01} | known)
     fit = fit_pictures(recording, times, kinematics, known)
@@ -71,14 +71,6 @@ def test_a_sound_recording_is_accepted_however_even_its_seeding(kinematics, faul
     assert (np.sqrt(np.diag(made.covariance)) < [2.0, 2.0, 0.02, 0.005]).all()
 
 
-def test_a_motion_of_another_shape_is_followed_frame_by_frame(kinematics):
-    """A finger that lags by up to 3 % of the range in the middle of its stroke."""
-    lag = 0.03 * 20e3 * np.sin(np.pi * np.clip(TIMES / 0.4, 0, 1)) ** 2
-    made, _ = registered(kinematics, lag=lag)
-    error = made.pressures - kinematics.law(np.clip(TIMES - DELAY, *kinematics.time)) + lag
-    assert np.sqrt(np.mean(error**2)) < 0.02 * 20e3  # single frames of a small picture
-
-
 def test_a_side_that_reflects_is_named(kinematics):
     _, check = registered(kinematics, Faults(reflection=1.0))
     assert "dorsal side" in check.refusals[0]
@@ -102,18 +94,6 @@ def test_a_hidden_root_is_told_and_left_out(kinematics):
     assert "or give root_hidden_mm where its root is not" in check.refusals[0]
     made, _ = registered(kinematics, faults, scale_std=0.003, hidden=0.011)
     assert (errors(kinematics, made) < 4).all()
-
-
-def test_behind_the_lit_side_nothing_counts():
-    """A square of 20 px with light from the left and from below."""
-    square = np.array([[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]])
-    dark = shaded_parts(square[None], np.pi, (40, 50))[0]
-    assert not dark[20, :20].any()
-    assert dark[20, 21:].all()
-    assert not dark[:8].any()
-    dark = shaded_parts(square[None], -np.pi / 2, (40, 50))[0]
-    assert dark[:18, 20].all()  # row 0 is at the top
-    assert not dark[20:, 20].any()
 
 
 def test_a_rate_that_is_wrong_by_a_factor_is_named(kinematics):

@@ -1,10 +1,19 @@
-"""V&V 20: verdicts and limits against cases worked out by hand."""
+"""V&V 20: verdicts against cases worked out by hand, and the errors that go into them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from postprocess.lab.fit_outline import pose_of, state_of
+from postprocess.lab.flow import (
+    excess_scatter,
+    independent_instants,
+    place_jacobian,
+)
+from postprocess.lab.pose import Pose
+from postprocess.lab.register import Fit, Known, register
 from postprocess.lab.validation import (
     AGREES,
     DIFFERS,
@@ -74,3 +83,61 @@ def test_two_components_are_judged_together():
     assert coverage_factor(2) == pytest.approx(2.4477, abs=1e-4)
     assert near.verdict() == AGREES  # 2.2 alone would be beyond 1.96
     assert joint_level(7) == pytest.approx(0.95 ** (1 / 7))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.03, 1.6])
+def test_place_moves_with_the_pose_as_its_jacobian_says(angle):
+    pose, place = Pose(1 / 4.0, angle, (0.01, 0.245), (310.0, 460.0)), np.array([0.03, 0.19])
+    seen = pose.to_px(place)
+    jacobian = place_jacobian(pose, place)
+    for k, step in enumerate((1e-2, 1e-2, 1e-5, 1e-5)):
+        change, state = step * np.eye(8)[k], state_of(pose, np.ones(3))
+        there, back = (pose_of(state + s * change, pose.anchor).to_tank(seen) for s in (1, -1))
+        slope = (there - back) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, k], slope, rtol=1e-6, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "crossed, pairs",
+    [(0.0, 25), (0.25, 5 + 8 * 0.75 + 6 * 0.5 + 4 * 0.25), (0.5, 5 + 8 * 0.5), (2.0, 5)],
+)
+def test_instants_are_independent_once_the_particles_have_left_the_window(crossed, pairs):
+    """Five instants: 25 over the sum of their correlations."""
+    window_s = 0.03
+    assert independent_instants(np.arange(5) * crossed * window_s, window_s) == pytest.approx(
+        25 / pairs
+    )
+
+
+@pytest.mark.parametrize(
+    "scale_std, length_std, scale, std",
+    [
+        (0.01, 0.0, 1.00297, 0.000995),  # the finger is as long as it should be: it tells the scale
+        (0.003, 0.003, 1.00142, 0.00218),  # about half of it each
+        (0.0003, 0.003, 1.00003, 0.0003),  # a good calibration is not moved by the finger
+    ],
+)  # fmt: skip
+def test_what_is_stated_sharpens_what_the_pictures_show(scale_std, length_std, scale, std):
+    """A finger of uncertain length that shows a scale 0.3 % larger to 0.1 %."""
+    stated = Pose(1 / 4.0, 0.0, (0.0, 0.245), (310.0, 460.0))
+    state = state_of(replace(stated, scale_mm_per_px=1.003 / 4.0), np.array([1.0, 0.02, 1.0]))
+    fit = Fit(
+        [], np.zeros(1), 0.01, state, np.diag([0.1, 0.1, 1e-3, 1e-3, 0.1, 0.01, 0.02, 0.01]) ** 2,
+        np.zeros(1), np.zeros((4, 1)), np.zeros((4, 1)), SimpleNamespace(rate=lambda: 0.05),
+    )  # fmt: skip
+    known = Known(stated, scale_std, delay=(0.0, 0.02), length_std=length_std)
+    registration = register(fit, SimpleNamespace(root=stated.anchor), known)
+    assert 4.0 * registration.pose.scale_mm_per_px == pytest.approx(scale, abs=1e-5)
+    assert np.sqrt(registration.covariance[3, 3]) == pytest.approx(std, rel=0.02)
+    assert registration.covariance[1, 1] == pytest.approx(0.1**2)
+    assert registration.law.delay == pytest.approx(0.01)  # as well stated as seen
+
+
+def test_scatter_that_the_vectors_do_not_know_is_found():
+    rng = np.random.default_rng(1)
+    times = np.linspace(0.1, 0.2, 400)
+    trend = np.column_stack([3 + 40 * times, -5 * times])  # a growing error is no scatter
+    error = trend + rng.normal(0, [5.0, 0.3], (400, 2))
+    scatter = excess_scatter(times, error, np.array([3.0, 0.4]) ** 2)
+    assert scatter == pytest.approx([4.0, 0.0], rel=0.1)
+    assert excess_scatter(times[:2], error[:2], np.zeros(2)) == pytest.approx([0.0, 0.0])

@@ -1,11 +1,15 @@
-"""dpiv.toml: what is left out is asked for in one sentence, with what to write."""
+"""dpiv.toml: all that is missing is asked for at once; a template is filled in from the files."""
 
+import tomllib
 from pathlib import Path
 
+import cv2
+import h5py
+import numpy as np
 import pytest
 
 from piv.images.open_recording import files_of
-from postprocess.lab.dpiv_toml import read_dpiv
+from postprocess.lab.dpiv_toml import dpiv_template, read_dpiv, seen_in
 from tests.lab_scene import PICTURES, VECTORS
 
 # what a test leaves out or changes, in the text
@@ -85,3 +89,29 @@ def test_a_name_with_a_space_or_a_colon_is_a_name(tmp_path, name):
     dpiv = read_dpiv(written(folder, WHOLE.replace("a.h5", f"{name}.tif")))
     (folder / f"{name}.tif").touch()
     assert [str(path) for path in files_of(dpiv.sources())] == [str(folder / f"{name}.tif")]
+
+
+def test_pictures_fill_in_their_files(tmp_path):
+    (tmp_path / "run7" / "frames").mkdir(parents=True)
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"run7/frames/a{k:03d}.tif"), np.zeros((9, 9), np.uint8))
+    text = dpiv_template(tmp_path / "run7")
+    table = tomllib.loads(text.replace("= …", "= 0"))
+    assert (table["format"], table["format_version"], table["kind"]) == ("dpiv", 4, "pictures")
+    assert (table["title"], table["files"]) == ("run7", "frames/*.tif")
+    # pictures do not state them, nor need they what vectors do
+    for key in ("frame_rate_hz", "scale_mm_per_px", "root_px", "pairing", "finger_length_std_mm"):
+        assert f"\n{key} = …" in text
+    assert "root_mm" not in text
+
+
+def test_vectors_are_distinguished_from_a_recording(tmp_path):
+    with h5py.File(tmp_path / "piv.h5", "w") as file:
+        file["u"], file["v"] = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
+    assert seen_in(tmp_path)["kind"] == '"vectors"'
+
+
+def test_a_folder_of_neither_is_refused(tmp_path):
+    (tmp_path / "notes.doc").write_text("")
+    with pytest.raises(FileNotFoundError, match="holds neither pictures nor vectors"):
+        seen_in(tmp_path)
