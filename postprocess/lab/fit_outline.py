@@ -10,7 +10,7 @@ A frame's own deviation from the law is integrated out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -45,6 +45,10 @@ class Frames:
     mean: float
     times: np.ndarray
     independent: float  # share of independent frames: particles may stay where they are
+
+    def at(self, chosen: np.ndarray) -> Frames:
+        """The `chosen` frames (bool)."""
+        return replace(self, integrals=self.integrals[chosen], times=self.times[chosen])
 
 
 def prepare(

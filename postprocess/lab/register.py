@@ -209,6 +209,7 @@ def fit_pictures(
         np.empty((times.size, 0, 2)), pose, kinematics, recording.shape, known.hidden, None
     )
     first, apart, share = state, np.full(times.size, LOOSE * span), 1.0
+    during = np.ones(times.size, bool)  # the simulation, whose law is held where it ends
     for number, (every, blur_px, sweeps) in enumerate(passes):
         frames = prepare(images, times, evidence, blind, blur_px, share)
         few = shapes.thinned(every)
@@ -220,10 +221,12 @@ def fit_pictures(
                 about[LAW.stop - 1] = LAW_STD * first[LAW.stop - 1]
         elif (every, blur_px, sweeps) == FINE:
             begin[:4] /= FINER
-        samples = fit_outline(
-            frames, few, first, begin, (state, about), apart, sweeps, seed + number
-        )
+        fitted = frames if during.all() else frames.at(during)
+        prior, free = (state, about), apart[during]
+        samples = fit_outline(fitted, few, first, begin, prior, free, sweeps, seed + number)
         first = samples.mean(axis=0)
+        inside = (times - first[DELAY]) / first[LAW.stop - 1] <= kinematics.time[1]
+        during = inside | (inside.sum() < LEARN_FROM)
         law = law_pressure(kinematics, times, first[LAW])
         singles, std = single_frames(frames, shapes, first, law, FREE * span)
         found = pose_of(first, kinematics.root)
@@ -234,9 +237,11 @@ def fit_pictures(
         share = independent_share(profile)
         if number + 1 < len(passes):
             # a law that lies off all pictures would seem to scatter, and hold itself there
-            first[LAW] = law_through(kinematics, times, first[LAW], singles[0])
+            single = times[during], first[LAW], singles[0][during]
+            first[LAW] = law_through(kinematics, *single)
             law = law_pressure(kinematics, times, first[LAW])
-        scatter = np.sqrt(max(np.mean((singles[0] - law) ** 2 - std[0] ** 2), (TIED * span) ** 2))
+        excess = ((singles[0] - law) ** 2 - std[0] ** 2)[during]
+        scatter = np.sqrt(max(np.mean(excess), (TIED * span) ** 2))
         at_rest = np.abs(law - kinematics.law(kinematics.time[0])) < REST * span
         apart = np.where(at_rest, min(scatter, REST_STD * span), scatter)
     if not np.hypot(*(first[:2] - pose.at_px)) < max(recording.shape):

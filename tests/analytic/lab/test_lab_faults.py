@@ -71,6 +71,18 @@ def test_a_sound_recording_is_accepted_however_even_its_seeding(kinematics, faul
     assert (np.sqrt(np.diag(made.covariance)) < [2.0, 2.0, 0.02, 0.005]).all()
 
 
+def test_pictures_after_the_end_of_the_simulation_do_not_change_its_law(kinematics, tmp_path):
+    """A stroke that takes 0.7 times as long: the simulation's still rises where it ends."""
+    stroke = {"pressure_kpa": 20.0, "start": 0.0, "duration": 0.7 * 0.4}
+    shorter = finger_kinematics(tmp_path, {"motion.strokes": [stroke]})
+    first, true = poses(kinematics)
+    film = Rendered(kinematics, true, shorter.law(np.clip(TIMES, *shorter.time)), SHAPE)
+    known = Known(first, scale_std=0.01)
+    law = register(fit_pictures(film, TIMES, kinematics, known), kinematics, known).law
+    assert law.values[2] == pytest.approx(0.7, abs=2 * law.std("stretch"))
+    assert law.values[0] == pytest.approx(1.0, abs=2 * law.std("factor"))
+
+
 def test_a_side_that_reflects_is_named(kinematics):
     _, check = registered(kinematics, Faults(reflection=1.0))
     assert "dorsal side" in check.refusals[0]
