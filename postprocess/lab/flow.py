@@ -22,7 +22,7 @@ from postprocess.lab.inputs import level_uncertainty
 from postprocess.lab.motion import Comparison, recorded_bend, stroke_duration
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
-from postprocess.lab.virtual_experiment import Sides
+from postprocess.lab.virtual_experiment import Sides, at_duration
 
 COLUMNS = ("circulation", "x", "y")
 
@@ -96,7 +96,7 @@ def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Compar
             effects.append(replace(effect, table=of_stretch(measured["direct"], longer)))
             continue
         with read_plane(sheets[effect.of.name]) as opened:
-            sheet = opened.load()
+            sheet = at_duration(opened.load(), case.registration.law.values[2])
         # of a run that ends earlier, its end
         plane = camera_series(sheet, pose, x, y, np.clip(at, *sheet["time"].values[[0, -1]]))
         run = measure(sides, pose, plane.assign_coords(time=at), effect.of.name, seen[::step])
@@ -110,11 +110,7 @@ def with_flow(case: Comparison, sides: Sides, sheets: dict[str, Path]) -> Compar
 
 
 def of_stretch(direct: pd.DataFrame, stretch: float) -> pd.DataFrame:
-    """What a stroke `stretch` times as long changes of `COLUMNS` at each instant.
-
-    The flow is the same at equal phase, at a speed that goes with 1/duration; no run tells that as
-    well. NaN beyond the phases of the simulation: a shorter stroke is over before it ends.
-    """
+    """What a stroke `stretch` times as long changes of `COLUMNS`: NaN at phases not known."""
     known = direct[direct["circulation"].notna()]
     phase = direct["time"] / stretch
     there = {n: np.interp(phase, known["time"], known[n], np.nan, np.nan) for n in COLUMNS}
@@ -125,19 +121,19 @@ def of_stretch(direct: pd.DataFrame, stretch: float) -> pd.DataFrame:
 def of_recorded_motion(case: Comparison) -> list[pd.DataFrame]:
     """What the recording's own bend and duration change of `COLUMNS`; none: unknown.
 
-    The bend by the run of the pressure.
+    The bend by the run of the pressure. Both sides have the recording's duration already.
     """
     bend = recorded_bend(case)
     if bend is None or bend[0].table is None:
         return []
-    stretched = of_stretch(case.measured["direct"], case.registration.law.values[2])
-    return [bend[1] * bend[0].table[[*COLUMNS]], stretched]
+    back = of_stretch(case.measured["direct"], 1 / case.registration.law.values[2])
+    return [bend[1] * bend[0].table[[*COLUMNS]], -back]
 
 
 def corrected(case: Comparison) -> pd.DataFrame:
     """The simulation seen by PIV, at the recording's own motion where it is known."""
     out = case.measured["virtual"].copy()
-    for change in of_recorded_motion(case):
+    for change in of_recorded_motion(case)[:1]:
         out[[*COLUMNS]] += change.to_numpy()
     return out
 
@@ -239,28 +235,25 @@ def _quantity(
         Source("time", "data", np.abs(rate) * registration.law.std("delay"), POSTERIOR),
         Source("PIV", "data", UNLIKE * np.abs((ours - direct).mean(axis=0)), of_piv),
     ]
-    changes, moved = of_recorded_motion(case), None
+    changes, moved, bent = of_recorded_motion(case), None, np.zeros(len(columns))
     if changes:
         parts = [change.loc[rows, columns].to_numpy(float) for change in changes]
         means, alone = [part.mean(axis=0) for part in parts], np.zeros(len(columns))
         # a vortex of single instants scatters, and each change has that of two
         noise = [excess_scatter(times, part, alone) / np.sqrt(times.size) for part in parts]
-        moved = np.sum(means, axis=0)
+        moved, bent = np.sum(means, axis=0), means[0]
         std = np.linalg.norm([*(LINEAR * mean for mean in means), *noise], axis=0)
         sources.append(Source("correction", "input", std, "of what bend and duration change"))
     if (level := level_std(case, name, times, scale)) > 0:
         std = np.full(len(columns), level / np.sqrt(len(columns)))
         sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
-    quantity = ValidatedQuantity(
-        name, one.label, one.unit, ours.mean(axis=0), value, scale, sources
-    )
+    both = ours.mean(axis=0) + bent, value
+    quantity = ValidatedQuantity(name, one.label, one.unit, *both, scale, sources, moved)
     known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
     instant = {"simulation": np.linalg.norm(known, axis=0)}
     known = theirs_std, excess, quantity.u_kind("data")
     instant["data"] = np.linalg.norm(known, axis=0)
-    simulation = quantity.simulation + (0.0 if moved is None else moved)
-    during = float(times[0]), float(times[-1])
-    return replace(quantity, simulation=simulation, moved=moved, window=during, instant=instant)
+    return replace(quantity, window=(float(times[0]), float(times[-1])), instant=instant)
 
 
 def excess_scatter(times: np.ndarray, error: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -311,7 +304,7 @@ def run_sources(case: Comparison, columns: list[str], rows: np.ndarray) -> list[
     std = np.abs(run.moves(columns, rows)) * share_std
     sources.append(Source("pressure as recorded", "data", std, POSTERIOR))
     law, direct = case.registration.law, case.measured["direct"]
-    around = law.values[2] + law.std("stretch") * np.array([-1.0, 1.0])
-    one, other = (of_stretch(direct, lasts).loc[rows, columns].mean() for lasts in around)
-    std = np.abs((other - one).to_numpy(float)) / 2
+    around = 1 + law.std("stretch") / law.values[2] * np.array([-1.0, 1.0])
+    one, other = (of_stretch(direct, lasts).loc[rows, columns] for lasts in around)
+    std = np.abs((other - one).mean().to_numpy(float)) / 2
     return [*sources, Source("duration as recorded", "data", std, POSTERIOR)]

@@ -207,22 +207,17 @@ def motion_quantities(case: Comparison) -> list[ValidatedQuantity]:
 
 
 def with_speeds(case: Comparison, sides: Sides) -> Comparison:
-    """The case with the recording's water speed over the simulation's at equal phase.
+    """The case with the recording's water speed over the simulation's, of strokes of equal length.
 
-    Over what the recording's motion makes of it: 1 of an equal flow.
+    Over what the recording's bend makes of it: 1 of an equal flow.
     """
     if case.registration.times.size == 0:
         return case
     factor, _, stretch = case.registration.law.values
-    phase = sides.data["time"].values / stretch
-    direct, virtual, clear = sides.direct, sides.virtual, sides.window_m / 2
-    ours = np.interp(phase, direct["time"].values, near_speed(direct, clear), np.nan, np.nan)
+    theirs, ours = (near_speed(one, sides.window_m / 2) for one in (sides.data, sides.virtual))
     with np.errstate(invalid="ignore", divide="ignore"):
-        # what PIV takes off is known where both fingers leave water; of that, less is near ours
-        hidden = direct.assign(valid=usable(direct) & usable(virtual).values)
-        piv = np.nanmedian(near_speed(virtual, clear) / near_speed(hidden, clear))
-        logs = np.log(near_speed(sides.data, clear) / (piv * ours) * stretch / factor)
-    done = bend_done(case.kinematics, phase)
+        logs = np.log(theirs / ours / factor)
+    done = bend_done(case.kinematics, sides.data["time"].values / stretch)
 
     def within(part: tuple[float, float]) -> np.ndarray:
         inside = logs[(done >= part[0]) & (done <= part[1]) & np.isfinite(logs)]

@@ -1,6 +1,8 @@
 """Both sides of a comparison: the recording's flow, and the simulation's seen in the same way.
 
 A laboratory's pictures are moved by the simulation's flow, and both are evaluated by the same PIV.
+A recorded stroke of another duration is seen at equal phase: the flow is the same there, at a speed
+that goes with 1/duration, and the two fingers hide the same water. No run tells that as well.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ DENSITY, DIAMETER = 0.05, 2.5  # particles in a pixel, and their diameter at 1/e
 
 @dataclass(frozen=True)
 class Sides:
-    """Plane series in the camera frame with the same axes and times."""
+    """Plane series in the camera frame with the same axes and times, of equally long strokes."""
 
     data: xr.Dataset
     virtual: xr.Dataset
@@ -64,6 +66,7 @@ def both_sides(
     `sheet`: the simulation's over the registration's view. `vortices`: the scene's settings.
     `speed`: threads and quiet of `evaluate`.
     """
+    sheet = at_duration(sheet, registration.law.values[2])
     make = _of_pictures if dpiv.kind == "pictures" else _of_vectors
     data, virtual = make(folder, dpiv, kinematics, registration, sheet, speed)
     x, y, times = (data[name].values for name in ("x", "y", "time"))
@@ -83,6 +86,14 @@ def both_sides(
     return Sides(data, virtual, direct, how, window)
 
 
+def at_duration(sheet: xr.Dataset, stretch: float) -> xr.Dataset:
+    """The flow of a stroke `stretch` times as long."""
+    rates = [n for n in ("u", "v", "w", "dwdz", "outline_velocity") if n in sheet]
+    slower = sheet.assign({n: sheet[n].copy(data=sheet[n].values / stretch) for n in rates})
+    time = sheet["time"].values * stretch
+    return slower.assign_coords(time=("time", time, sheet["time"].attrs))
+
+
 def _of_pictures(
     folder: Path,
     dpiv: Dpiv,
@@ -96,6 +107,9 @@ def _of_pictures(
 
     def recorded(times: np.ndarray) -> np.ndarray:
         return law_pressure(kinematics, times + law.delay, law.values)
+
+    def simulated(times: np.ndarray) -> np.ndarray:
+        return np.asarray(kinematics.law(np.clip(times, *span) / law.values[2]))
 
     with LabRecording(dpiv) as recording:
         at = recording.times - law.delay
@@ -114,14 +128,14 @@ def _of_pictures(
         first = np.searchsorted(times, middle) - 1
         pairs = (middle[:, None] + dpiv.interval * np.array([-0.5, 0.5])).ravel()
         # the recording's finger hides particles from the simulation's flow
-        ours = outlines_px(kinematics, pose, kinematics.law(np.clip(pairs, *span)))
+        ours = outlines_px(kinematics, pose, simulated(pairs))
         both = [
             np.concatenate([one, theirs[k]])
             for one, k in zip(ours, np.repeat(first, 2), strict=True)
         ]
         moved = MovedRecording(recording, index[first], pairs, both, pose, sheet=sheet)
         virtual = evaluate(moved, dpiv.piv, folder / "virtual_piv.h5", **speed)
-    return data, with_finger(virtual, kinematics, pose, kinematics.law(middle))
+    return data, with_finger(virtual, kinematics, pose, simulated(middle))
 
 
 def _of_vectors(
