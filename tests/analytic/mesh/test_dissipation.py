@@ -26,6 +26,13 @@ def test_faces_close_every_cell_and_bound_its_volume(mesh):
         assert volume == pytest.approx(mesh.volume, rel=1e-9)
 
 
+def test_cells_lie_on_average_half_way_between_the_meshes_ends(mesh):
+    """All layers have the same plane, so that the mean over the volume is the middle along z."""
+    ends = mesh.centre[mesh.inner :, 2]
+    middle = np.average(mesh.cell_centre[:, 2], weights=mesh.volume)
+    assert middle == pytest.approx(0.5 * (ends.min() + ends.max()), rel=1e-9)
+
+
 def terms_of(mesh, gradient, pressure):
     """Terms of a flow linear in space, with its own values on all boundaries."""
     cells = len(mesh.volume)
