@@ -82,6 +82,7 @@ tradeoff: $(READY) ## what accuracy costs (hours): ACCURACY and BUDGET need it
 validate: $(READY) ## flows of known answer, and convergence: docs/verification.md (hours)
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
+	@$(RUN) study cases/validation/studies/turek_hron.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only draft,coarse,medium,fine
 	@nice $(PY) -m docs.evidence.validation

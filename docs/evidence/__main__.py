@@ -51,7 +51,9 @@ class Part:
 PARTS = {
     "tradeoff": Part(((_RUN, "tradeoff", "cases/single_finger"),)),
     "sensitivity": Part(((*_PY, "docs.evidence.sensitivity"),), ("tradeoff",)),
-    "validation": Part((_study("validation/validation"), _study("validation/convergence"))),
+    "validation": Part(
+        tuple(_study(f"validation/{name}") for name in ("validation", "convergence", "turek_hron"))
+    ),
     "checks": Part(((*_PY, "docs.evidence.validation"),), ("validation", "tradeoff")),
     "stability": Part(
         (_study("single_finger/stability"), _study("single_finger/stability_finer"),

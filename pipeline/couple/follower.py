@@ -31,6 +31,7 @@ from pipeline.openfoam.gate import clear_gates, close_gate, open_gate
 from pipeline.openfoam.surface_vtk import is_whole_vtk
 from pipeline.solve.checkpoint import prepared_for
 from pipeline.solve.interval import KnownMotion, SolverInterval
+from pipeline.structure.chain import Chain
 from pipeline.structure.finger import Posed
 from pipeline.structure.water_inertia import forces_of_water
 from piv.files.errors import StageError
@@ -122,19 +123,13 @@ class Follower(KnownMotion):
     def _inertia(self, number: int) -> FloatArray:
         """The water's inertia (slice, 3, slice + 1), as Coupling's, at the end of a step.
 
-        Angular accelerations are taken as polynomials along the finger: waves that are finer meet a
-        chain that is stiff against them. Within a step the stiffness weighs EI k⁴ step² / 2 against
-        a wave of number k, the water on both sides 2 ρ width / k, which is taken twice; where that
-        asks for more than _MODES, half as many again let a sudden load ring less.
+        Angular accelerations are taken as polynomials along the finger.
         """
         run, planform, chain = self._run, self._planform, self._run.finger.chain
         pressure, delta = run.state(number)
-        stiffness = float(np.interp(pressure, chain.pressure, chain.law.stiffness))
-        water = 8 * run.scene.fluid.density * chain.width / stiffness / run.step**2
-        needed = 0.5 * water**0.2 * chain.arc[-1]
-        count = _MODES if needed <= _MODES else int(np.ceil(1.5 * needed))
+        count = mode_count(chain, pressure, run.scene.fluid.density, run.step)
         arc = np.linspace(-1, 1, len(delta))
-        modes = np.linalg.qr(np.polynomial.legendre.legvander(arc, min(count, len(arc)) - 1))[0]
+        modes = np.linalg.qr(np.polynomial.legendre.legvander(arc, count - 1))[0]
         now = run.outline(pressure, delta)
         nudged = [run.outline(pressure, delta + _NUDGE * mode) for mode in modes.T]
         moved = [(outline - now) / _NUDGE for outline in nudged]
@@ -255,3 +250,18 @@ class Follower(KnownMotion):
             close_gate(self._folder, (number + 1) * self._run.step)
         if number < self._end:
             open_gate(self._folder, number * self._run.step, alive)
+
+
+def mode_count(chain: Chain, pressure: float, density: float, step: float) -> int:
+    """Polynomials along a chain at `pressure` (Pa) that hold the water's inertia in a `step` (s).
+
+    Waves that are finer meet a chain that is stiff against them: within a step its stiffness weighs
+    EI k⁴ step² / 2 against a wave of number k, the water (kg/m³) on both sides 2 ρ width / k, which
+    is taken twice. Where that asks for more than _MODES, half as many again let a sudden load ring
+    less.
+    """
+    stiffness = float(np.interp(pressure, chain.pressure, chain.law.stiffness))
+    water = 8 * density * chain.width / stiffness / step**2
+    needed = 0.5 * water**0.2 * chain.arc[-1]
+    count = _MODES if needed <= _MODES else int(np.ceil(1.5 * needed))
+    return min(count, chain.slices)

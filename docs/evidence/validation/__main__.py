@@ -15,6 +15,7 @@ from docs.evidence.validation import (
     ringdown,
     shedding,
     sprung,
+    turek_hron,
 )
 from docs.evidence.validation.checks import Result, write_result
 from docs.evidence.validation.ledger import FOLDER, ORDER, write_ledger
@@ -37,6 +38,7 @@ def measure(name: str, again: bool) -> Result | None:
         sprung.NAME: sprung.measure,
         ringdown.NAME: ringdown.measure,
         cantilever.NAME: cantilever.measure,
+        turek_hron.NAME: turek_hron.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
     }

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
+from pipeline.formats.kinematics import read_kinematics
+from pipeline.kinematics import stage as kinematics
 from pipeline.kinematics.shapes import FingerShapes, circular_states, rounded_strip, with_mount
+from pipeline.mesh import stage as mesh
+from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Mount
+from tests.conftest import CASES
 
 LENGTH, HEIGHT, CORNER, DIAMETER = 0.35, 0.02, 0.004, 0.1
 
@@ -42,3 +47,14 @@ def test_the_mount_rests_while_the_finger_bends():
     assert np.abs(bent - still).max() > 0.05
     steps = [np.hypot(*np.diff(line, axis=0).T) for line in (still, bent)]
     np.testing.assert_allclose(steps[1], steps[0], rtol=0.12, atol=1e-4)
+
+
+def test_the_walls_layers_fit_into_the_corners(tmp_path):
+    """Turek and Hron's flag, whose layers would cross in a sharp corner."""
+    folder = CASES / "validation" / "turek_hron"
+    scene = load_scene(folder, "h1", {"motion.source": "fea"}, tmp_path)
+    kinematics.run(scene, quiet=True)
+    mesh.run(scene, quiet=True)
+    quality = np.genfromtxt(tmp_path / "mesh_quality.csv", delimiter=",", names=True)
+    assert quality["max_non_orthogonality_deg"].max() < 50
+    assert read_kinematics(tmp_path / "kinematics.h5").data["shape_bend"].values.max() == 0

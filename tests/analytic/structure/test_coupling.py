@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.couple.follower import mode_count
 from pipeline.formats.bending_states import read
 from pipeline.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import MIDDLE, Chain, placed
 from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling
 from pipeline.structure.motion import Surroundings, felt, motion, past, turning
+from tests.analytic.structure.beams import beam
 from tests.conftest import CASES
 
 STATES = read(CASES / "single_finger" / "kinematics" / "states.h5")
@@ -102,6 +104,14 @@ def test_an_inertia_that_is_learnt_anew_after_an_impact_adds_no_impulse(chain, w
     history = coupled(chain, water, np.multiply.outer(since, water), contact=contact)
     # m; an inertia that is a fifth too large all along leaves 8e-5
     assert history.check().tip < 5e-5
+
+
+def test_soft_chains_have_more_of_the_waters_inertia(chain):
+    """Turek and Hron's flag outgrew every step with eight polynomials; fingers keep them."""
+    assert mode_count(chain, 0.0, 998.2, 5e-4) >= mode_count(chain, 0.0, 998.2, 1e-3) == 8
+    flag = beam(0.35, 0.02, 0.4, 1.77777778)
+    assert mode_count(flag, 0.0, 1000.0, 1.25e-3) == 18
+    assert mode_count(flag, 0.0, 1000.0, 1e-5) == flag.slices
 
 
 @pytest.mark.parametrize("running", [False, True])

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
+from docs.evidence.validation.turek_hron import swing
 from pipeline.structure.chain import MIDDLE, joint_moments, placed
 from pipeline.structure.elastic_law import law_at
 from pipeline.structure.motion import Surroundings, at_rest, forces, motion
@@ -140,3 +141,15 @@ def test_blades_in_a_current(buoyancy):
     if buoyancy == 0:  # drag ~ U² l_e ~ U^(4/3), and Ca ~ U²
         power = 2 + 2 * np.log(found[-1] / found[-2]) / np.log(1000 / 300)
         assert power == pytest.approx(4 / 3, abs=0.02)
+
+
+def test_mean_and_amplitude_as_turek_and_hron_define_them():
+    """By the extremes of the last period, with which a second harmonic shifts the mean."""
+    time = 1e-3 * np.arange(4001)
+    turn = 2 * np.pi * 2.0 * time
+    found = swing((time, 5 + 3 * np.sin(turn) + np.cos(2 * turn)), steady=False)
+    # 3 s + 1 - 2 s², s the sine: from -4 to 1 + 9/8
+    assert found["mean"] == pytest.approx(5 + (1 + 9 / 8 - 4) / 2, abs=2e-3)
+    assert found["amplitude"] == pytest.approx((1 + 9 / 8 + 4) / 2, abs=2e-3)
+    assert found["frequency"] == pytest.approx(2.0, rel=1e-3)
+    assert swing((time, 1 + time), steady=True) == {"mean": pytest.approx(4.0, abs=1e-3)}
