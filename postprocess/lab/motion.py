@@ -175,12 +175,15 @@ def recorded_bend(case: Comparison) -> tuple[Effect, float, float] | None:
     """The run of the pressure, the share of its change of bend by which the recording's differs.
 
     With the standard uncertainty of that share. None where the motion was not seen, or that run was
-    not made.
+    not made. A run that bends the finger by less than silhouettes show, as of a pinch whose tips
+    meet, tells nothing of the bend: equal bends need nothing of it, others are not known.
     """
     run = next((e for e in case.effects if e.of.name == "pressure"), None)
     if run is None or case.registration.times.size == 0:
         return None
     simulated, seen, std = _motions(case)[0]
+    if abs(run.bend) < FAR_OFF * std:
+        return (run, 0.0, 0.0) if abs(seen - simulated) < FAR_OFF * std else None
     return run, (seen - simulated) / run.bend, std / abs(run.bend)
 
 

@@ -66,6 +66,15 @@ def test_the_motion_is_counted_in_changes_of_the_runs(case):
     assert std == pytest.approx(2e-3 / 0.02, rel=0.02)
 
 
+@pytest.mark.parametrize("factor, found", [(1.003, (0.0, 0.0)), (FACTOR, None)])
+def test_a_run_that_hardly_bends_the_finger_tells_nothing_of_its_bend(case, factor, found):
+    law = replace(case.registration.law, values=np.array([factor, 0.0, 1.0]))
+    effect = replace(case.effects[0], bend=1e-4)
+    seen = replace(case.registration, law=law)
+    made = recorded_bend(replace(case, registration=seen, effects=[effect]))
+    assert made == found if found is None else made[1:] == found
+
+
 def test_another_motion_differs_by_its_bend_and_duration(case, tmp_path):
     """8 % more pressure in 10 % less time, beginning 20 ms later: known by its bend alone."""
     stroke = {"pressure_kpa": 21.6, "start": 0.025, "duration": 0.36}
