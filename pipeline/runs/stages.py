@@ -97,7 +97,7 @@ STAGES = (
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",
         ("images",), ("piv.h5",), {"piv": True},
-        version=3, piv=True, cost=(25, 800), grows="vectors", threads=True,
+        version=4, piv=True, cost=(25, 800), grows="vectors", threads=True,
     ),
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",

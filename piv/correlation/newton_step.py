@@ -33,6 +33,7 @@ class Displacements:
     sums: ndarray
     visible: ndarray  # share of the window's weight that could be used
     cell_noise: float = CELL_NOISE  # of the filter (piv.correlation.prefilter)
+    least: float = Options.min_correlation  # correlation of a vector that passed
     # side of the window over the largest (piv.correlation.adaptive_windows)
     ratio: ndarray | None = None
     steep: ndarray | None = None  # bool: measured by piv.correlation.steep_regions

@@ -133,7 +133,7 @@ def to_dataset(
 ) -> xr.Dataset:
     """Smoothed and flagged vectors, those of the nodes to `keep`, as a dataset with y upward."""
     dx, dy, spacing = v.dx, v.dy, float(nodes.x[1] - nodes.x[0])
-    doubtful, across = 2 * options.min_correlation, 2 * round(1.125 * options.window / spacing) + 1
+    doubtful, across = 2 * v.least, 2 * round(1.125 * options.window / spacing) + 1
     known = supported(v.known, v.masked, v.correlation, doubtful=doubtful, across=across)
     var_x, var_y = errors.var_x, errors.var_y
     below = unseen(nodes, v, np.stack([var_x, var_y]), options)

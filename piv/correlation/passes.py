@@ -55,7 +55,7 @@ class Images(Protocol):
 def run_passes(images: Images, half: Nodes, nodes: Nodes, options: Options) -> Displacements:
     """Measure displacements at `nodes` (px, image axes) in all passes, those of `half` first."""
     dx, dy = first_passes(images, half, options.search)
-    weights = prefilter.default_filter()
+    weights, usual = prefilter.default_filter(), options.min_correlation
     for _ in range(options.half_steps):
         cells = images.cells(half, weights.kernel, dx, dy)
         sums = half.window_sums(cells, 1.2 * options.sigma)
@@ -66,6 +66,8 @@ def run_passes(images: Images, half: Nodes, nodes: Nodes, options: Options) -> D
         if step < options.spectra:
             powers = images.powers(nodes, weights.kernel, dx, dy)
             weights = prefilter.best_filter(powers, weights)
+            least = weights.least_correlation(options.sigma, usual)
+            options = replace(options, min_correlation=least)
         cells = images.cells(nodes, weights.kernel, dx, dy)
         sums = nodes.window_sums(cells, options.sigma)
         vectors = measure(nodes, cells, sums, dx, dy, options, options.epsilon)
@@ -75,7 +77,7 @@ def run_passes(images: Images, half: Nodes, nodes: Nodes, options: Options) -> D
         second |= vectors.second
         dx, dy = vectors.dx, vectors.dy
     vectors.second[:] = second & vectors.known
-    return replace(vectors, cell_noise=weights.cell_noise)
+    return replace(vectors, cell_noise=weights.cell_noise, least=options.min_correlation)
 
 
 def first_passes(images: Images, half: Nodes, search: int) -> tuple[ndarray, ndarray]:

@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 
 from piv.correlation.cell_moments import CELL
 from piv.correlation.interpolate import kernel_response
+from piv.correlation.options import Options
 
 TILE = 64  # px: side of the tiles whose spectra are averaged
 TILES = 50  # so many of them: a radial bin is then known to some per cent
@@ -21,12 +22,13 @@ TAPS = 17  # px: length of the filter kernels
 # the folded share there and at 0.25 cycles/px. Set so that the bias of particles of 1.2 and 1.6 px
 # halves and that of 2.5 px stays; no theory gives it
 FOLDED = 2500.0
-SURE = 1.5  # standard errors that are taken off the signal
 _TAPERED = 2.25  # frequencies of a tapered tile per independent one: 1.5 each way of Hann's window
 # px²: fall of the log of the spectrum with the squared frequency, of images 2.5 px wide (π² d²/4),
-# and standard error of a fitted one that is as good as that: pairs that correlate have 1 to 4, few
-# particles in noise 7 to 60
-_USUAL, _POOR = 15.0, 7.0
+# and its usual spread
+_USUAL, _SPREAD = 15.0, 6.0
+DROWNED = 2.0  # standard errors of a signal for which measurement and usual spectrum count alike
+# least correlation of a window over that of noise, and share of the option's value at the lowest
+CHANCE, LOWEST = 2.2, 0.5
 _LOWPASS = 0.35  # px: of the Gaussian before the spectra are measured
 
 
@@ -42,6 +44,17 @@ class Filter(NamedTuple):
     response: ndarray  # amplitude on the rfft2 frequencies of a tile
     kernel: Kernel
     cell_noise: float = CELL_NOISE
+    independent: float = 0.0  # pixels of noise per pixel that do not correlate; 0: not measured
+
+    def least_correlation(self, sigma: float, usual: float) -> float:
+        """Correlation below which a window of `sigma` px shows chance, at most `usual`.
+
+        Wide filters let in noise that lowers every correlation, chance ones most.
+        """
+        if not self.independent:
+            return usual
+        noise = 1 / np.sqrt(4 * np.pi * sigma**2 * self.independent)
+        return usual * float(np.clip(CHANCE * noise / Options.min_correlation, LOWEST, 1))
 
 
 def default_filter() -> Filter:
@@ -57,9 +70,13 @@ def best_filter(powers: list[Powers], before: Filter) -> Filter:
     """
     if not powers:
         return before
-    spectra = _undo(before.response, radial_spectra(powers))
+    frequency, signal, noise, error = _undo(before.response, radial_spectra(powers))
+    spectra = frequency, _likely_signal(frequency, signal, error), noise
     response = _optimal_response(*spectra)
-    return Filter(response, _kernel(response), _cell_noise(spectra, response))
+    power = (response * _taper()) ** 2
+    power = np.concatenate([power, power[:, 1:-1]], axis=1)  # all frequencies
+    independent = float(power.sum() ** 2 / (power**2).sum() / power.size)
+    return Filter(response, _kernel(response), _cell_noise(spectra, response), independent)
 
 
 def _kernel(response: ndarray) -> Kernel:
@@ -126,28 +143,40 @@ def strip_powers(a: ndarray, b: ndarray, weight: ndarray) -> Powers | None:
     )
 
 
-def radial_spectra(powers: list[Powers]) -> tuple[ndarray, ndarray, ndarray]:
-    """Radial spectra (frequency, signal, noise) of two aligned images.
-
-    The signal is less `SURE` of its standard errors: where it drowns in noise, chance would pass
-    for signal, and white noise be let in.
-    """
+def radial_spectra(powers: list[Powers]) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Radial spectra (frequency, signal, noise, standard error of the signal) of aligned images."""
     cross, difference, tiles = (sum(parts) for parts in zip(*powers, strict=True))
     bins = np.rint(_radial_frequency() * TILE).astype(int).ravel()
     count = np.bincount(bins)
     signal, noise = (np.bincount(bins, p.ravel()) / count for p in (cross, difference))
     samples = count * tiles / _TAPERED
     error = np.sqrt((np.maximum(signal, 0) * noise + noise**2 / 2) / samples)
-    signal = signal - SURE * error
-    return np.arange(count.size) / TILE, signal, noise
+    return np.arange(count.size) / TILE, signal, noise, error
 
 
-def _undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ndarray, ndarray]:
-    """Spectra (frequency, signal, noise) of images before the filter `response`."""
-    frequency, signal, noise = spectra
+def _undo(response: ndarray, spectra: tuple) -> tuple[ndarray, ...]:
+    """Spectra (the frequency first) of images before the filter `response`."""
+    frequency, *parts = spectra
     below = frequency < 0.5
     along = np.interp(frequency, _radial_frequency()[0], response[0]) ** 2
-    return frequency[below], (signal / along)[below], (noise / along)[below]
+    return frequency[below], *((part / along)[below] for part in parts)
+
+
+def _likely_signal(frequency: ndarray, signal: ndarray, error: ndarray) -> ndarray:
+    """The signal, and a Gaussian spectrum fitted to it where it drowns in its standard `error`.
+
+    There chance would pass for signal, and so let in or shut out noise by frequency.
+    """
+    fit = (frequency > 0.04) & (frequency < 0.42)
+    weight, widths = 1 / error[fit] ** 2, np.arange(4.0, 40.0, 2.0)
+    shapes = np.exp(-widths[:, None] * frequency**2)
+    near = shapes[:, fit]
+    height = np.maximum((near * signal[fit] * weight).sum(1) / (near**2 * weight).sum(1), 0)
+    left = ((signal[fit] - height[:, None] * near) ** 2 * weight).sum(1)
+    best = np.argmin(left + ((widths - _USUAL) / _SPREAD) ** 2)
+    fitted = height[best] * shapes[best]
+    known = (fitted / (DROWNED * error)) ** 2
+    return (known * signal + fitted) / (known + 1)
 
 
 def _optimal_response(frequency: ndarray, signal: ndarray, noise: ndarray) -> ndarray:
@@ -171,14 +200,10 @@ def _folded_share(frequency: ndarray, signal: ndarray) -> ndarray:
     """Power that sampling has folded back to each frequency, over that which belongs there.
 
     The spectrum of particle images is taken for Gaussian; its width is fitted where hardly any
-    power is folded. Where the fit is poor, images are taken to be of the _USUAL width.
+    power is folded.
     """
     fit = (frequency > 0.06) & (frequency < 0.2)
-    (fall, _), ((variance, _), _) = np.polyfit(
-        frequency[fit] ** 2, np.log(signal[fit]), 1, cov=True
-    )
-    share = 1 / (1 + (variance / _POOR**2) ** 4)
-    slope = share * -fall + (1 - share) * _USUAL
+    slope = -np.polyfit(frequency[fit] ** 2, np.log(signal[fit]), 1)[0]
     return np.exp(-max(slope, 0.0) * (1 - 2 * frequency))
 
 
