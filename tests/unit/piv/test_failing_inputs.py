@@ -78,17 +78,16 @@ def test_few_particles_in_noise_seldom_collapse():
     assert collapsed <= 1
 
 
-@pytest.mark.parametrize("window, least, most", [(24, 0.01, 0.05), (32, 0.4, 0.01)])
-def test_one_or_two_particles_per_window_give_few_wrong_vectors(window, least, most):
-    """With chance taken for signal 19 % of the valid vectors of windows of 24 px were wrong."""
+def test_one_particle_per_window_gives_few_wrong_vectors():
+    """With chance taken for signal 19 % of the valid vectors were wrong."""
     flow, shape, parts = uniform(4.63, -2.28), (512, 640), []
     for seed in (7101, 7102):
         images = render_pair(flow, shape, density_ppp=0.002, noise=0.05, background=5, seed=seed)
-        parts.append(judged(correlate_pair(*images, window=window), flow, inner(shape)))
+        parts.append(judged(correlate_pair(*images, window=24), flow, inner(shape)))
     found = joined(parts)
     valid = found.flag == VALID
-    assert valid.mean() > least
-    assert (np.hypot(*found.e[:, valid]) > 0.5).mean() < most
+    assert valid.mean() > 0.01
+    assert (np.hypot(*found.e[:, valid]) > 0.5).mean() < 0.05
 
 
 def test_unrelated_images_leave_no_uncertain_vectors():
