@@ -39,6 +39,9 @@ _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
 _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
+# of cells with the distance from the wall, as at coarse: without it those above a root that is near
+# the surface are so large that the flow makes circulation, 8 % of the tip vortex's
+_GRADING = 0.35
 _WHOLE = 0.02  # s: the end of a run, and the end of the smoothed pressure
 _LEVELS = ("smoke", "draft", "coarse")
 _SECTION = ("h1", "h2", "l1", "gap", "b1", "b2", "roof", "channel")  # of [actuator]
@@ -98,7 +101,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
         table = Path(place) / "pressure.csv"
         write_text(table, f"t,p\n{history}")
-        slower, coupled = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
+        slower, period, coupled = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -125,7 +128,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "high": pressure.max() / 1e3,
         "end": round(end, 6),
         "source_of_motion": "structure" if coupled else "fea",
-        "levels": _of_levels(own, shipped, slower, scale, end),
+        "levels": _of_levels(own, shipped, (slower, period), scale, end),
     }
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
@@ -225,22 +228,40 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -
     return ElasticFinger.of(scene, states)
 
 
-def _pace(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -> tuple[float, bool]:
-    """By how much the times of the shipped scene are longer, and whether water moves the finger.
+def _steps(period: float, step: float) -> float:
+    """By how much a time step (s) of the shipped scene may be longer for a vibration's period."""
+    return max(period / _PERIOD_STEPS / step, 1.0)
+
+
+def _pace(
+    own: Own, shipped: Scene, chambers: int, end: float, scale: float
+) -> tuple[float, float, bool]:
+    """By how much times of the shipped scene are longer, a vibration's period (s), whether coupled.
 
     A power of two: the tip goes over as many cells in a step as that of the shipped scene or fewer;
     a vibration and a run keep their least numbers of steps and pictures. `scale`: of the cells.
     """
     finger = _likely(own, shipped, chambers, end, scale)
-    of_vibration = finger.period / _PERIOD_STEPS / shipped.numerics.time_step
+    of_vibration = _steps(finger.period, shipped.numerics.time_step)
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
     slower = NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
-    slower = min(slower, max(of_vibration, 1.0), max(of_run, 1.0))
-    return 2.0 ** math.floor(math.log2(slower)), finger.known
+    slower = min(slower, of_vibration, max(of_run, 1.0))
+    return _power(slower), finger.period, finger.known
 
 
-def _of_levels(own: Own, shipped: Scene, slower: float, scale: float, end: float) -> str:
-    """Tables of levels: times as fast as the tip, cells for the thickness and a small tank."""
+def _power(value: float) -> float:
+    """The largest power of two that is no more than a value."""
+    return 2.0 ** math.floor(math.log2(value))
+
+
+def _of_levels(
+    own: Own, shipped: Scene, pace: tuple[float, float], scale: float, end: float
+) -> str:
+    """Tables of levels: times as fast as the tip, cells for the thickness and a small tank.
+
+    `pace`: as of `_pace`; a vibration keeps its least number of steps at each level.
+    """
+    slower, period = pace
     longer = end / slower / shipped.motion.end_time / _LONGER
     sparser = 2 ** max(0, math.ceil(math.log2(longer)))
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
@@ -249,12 +270,16 @@ def _of_levels(own: Own, shipped: Scene, slower: float, scale: float, end: float
     for level in dict.fromkeys(name for layer in layers for name in layer.levels):
         scene, keys = load_scene(shipped.folder, level), ""
         if slower != 1:
-            times = (slower * t for t in (scene.numerics.time_step, scene.numerics.write_interval))
-            keys += "numerics = {{ time_step = {:g}, write_interval = {:g} }}\n".format(*times)
+            numerics = scene.numerics
+            step = min(slower, _power(_steps(period, numerics.time_step))) * numerics.time_step
+            every = slower * numerics.write_interval
+            keys += f"numerics = {{ time_step = {step:g}, write_interval = {every:g} }}\n"
         keys += _pictures(scene, slower, sparser)
         mesh = {} if scale == 1 else _scaled_mesh(scene, scale, own.length / shipped.finger.length)
         if scene.mesh.far_cell > largest:
             mesh["far_cell"] = largest  # a quarter of the tank at most
+        if scene.model.kind == "2d" and not scene.mesh.wall_grading:
+            mesh["wall_grading"] = _GRADING
         if mesh:
             keys += f"mesh = {{ {', '.join(f'{key} = {value}' for key, value in mesh.items())} }}\n"
         text += f"\n[levels.{level}]\n{keys}" if keys else ""

@@ -11,7 +11,6 @@ from piv.files.record import read_record
 _SCALE = {"smoke": 0.5, "draft": 0.75, "medium": 2.0, "fine": 4.0, "reference": 8.0}
 # sizes of single_finger at coarse, whose costs the stages state
 _SIZES = {"samples": 2.02e7, "pixels": 2.75e8, "vectors": 2.15e6}
-_STEP = 0.02  # s of a coupled time step besides the solver's: the chain, and files of the mesh
 _START = 0.5  # s of any stage: its process, and what it imports
 
 
@@ -31,8 +30,7 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         scale *= 0.5  # the slider's frames are of the flow alone, not of three fields
     if step.ranks:
         size = predicted(run.scene)
-        coupled = _STEP * size.steps * run.scene.coupled
-        return size.cpu * step.slower + coupled, max(memory, size.memory / 1e6)
+        return size.cpu + _START, max(memory, size.memory / 1e6)
     # before the bending is analysed the view is not known, and neither are its pictures
     if step.grows and run.scene.camera.centre is not None:
         scale = getattr(predicted(run.scene), step.grows) / _SIZES[step.grows]

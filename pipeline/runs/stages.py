@@ -14,7 +14,6 @@ class Stage:
     makes results stale. by_sources: each change of its code makes results stale, too. cost: CPU
     seconds and memory (MB) of single_finger at level coarse, measured; of fea CPU seconds by
     bending state. grows: the attribute of a scene's predicted size that it is in proportion to.
-    slower: CPU time of the solver over that of the prescribed run of the same scene.
     """
 
     name: str
@@ -29,7 +28,6 @@ class Stage:
     folders: tuple[str, ...] = ()
     cost: tuple[float, float] = (0, 0)
     grows: str = ""
-    slower: float = 1.0
     ranks: bool = False  # solves through MPI: its cost grows with the level
     threads: bool = False
     by_sources: bool = False
@@ -153,8 +151,7 @@ COUPLED = {
             sections=BY_NAME["kinematics"].sections | _STRUCTURE,
         ),
         replace(BY_NAME["case"], version=4),
-        # 1.01 to 1.3 at draft and coarse in docs/coupling.md
-        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2, slower=1.15),
+        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2),
         *(
             replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
             for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}

@@ -12,6 +12,8 @@ from piv.synthetic.camera import CARRIED
 _MEMORY_PER_CELL = 2e3  # bytes: of pimpleFoam with GAMG
 # of a run by cell, time step and pressure corrector (docs/tradeoff.md: 2.1 to 2.5e-6)
 _SECONDS_PER_CELL = 2.4e-6
+# of a time step besides, s: files, and in a coupled run by cell of the planform that follows
+_STEP, _FOLLOWED = 0.02, 2e-5
 _CHECKPOINT_PER_CELL = 400.0  # bytes: fields, fluxes and points with their old times
 _SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 
@@ -70,7 +72,8 @@ def predicted(scene: Any) -> Size:
         memory=cells * _MEMORY_PER_CELL,
         disk=disk,
         # on a mesh at rest a step costs half (docs/mesh.md)
-        cpu=cells * (steps + 0.5 * lead_steps(scene)) * solutions * _SECONDS_PER_CELL,
+        cpu=cells * (steps + 0.5 * lead_steps(scene)) * solutions * _SECONDS_PER_CELL
+        + steps * (_STEP + scene.coupled * _FOLLOWED * planform_cells(scene)),
     )
 
 
@@ -96,8 +99,8 @@ def sheet_points(scene: Any) -> float:
     return wide * high / scene.sheet.spacing**2
 
 
-def estimated_cells(scene: Any) -> float:
-    """Cells of the whole mesh, within a factor of two or three."""
+def planform_cells(scene: Any) -> float:
+    """Cells of a planform, within a factor of two or three."""
     mesh, finger, body = scene.mesh, scene.finger, scene.body
     length = body.size if body else finger.length + finger.tip.length
     perimeter = 2 * (length + (body.thickness or body.size if body else finger.thickness))
@@ -109,9 +112,15 @@ def estimated_cells(scene: Any) -> float:
         + perimeter * 2 * mesh.wall_distance / mesh.wall_cell**2
     )
     ring = perimeter / min(mesh.wall_cell, 2 * mesh.tip_cell) * mesh.wall_layers
+    return float(triangles + ring)
+
+
+def estimated_cells(scene: Any) -> float:
+    """Cells of the whole mesh, within a factor of two or three."""
+    mesh, finger = scene.mesh, scene.finger
     layers = {"2d": 1, "full": 2}.get(scene.model.kind, 1)
     if scene.model.kind != "2d":
         growth = np.log(mesh.layer_growth)
         graded = np.log(growth * scene.tank.size[2] / 2 / mesh.edge_layer) / growth
         layers *= finger.width / 2 / mesh.sheet_layer + 1.3 * graded
-    return float((triangles + ring) * layers)
+    return float(planform_cells(scene) * layers)

@@ -28,12 +28,13 @@ def forces_of_water(
     gaps: NDArray[np.bool_],
     density: float,
     copies: float,
+    accurate: float = _ACCURATE,
 ) -> tuple[FloatArray, FloatArray]:
     """Places (piece, 2) m of the finger's wall, and forces (mode, piece, 2) N on a whole finger.
 
     `nodes` (node, 2) m: of the planform in this shape; `acceleration` (mode, node, 2) m/s² of its
     nodes on the wall; `gaps` (edge,): those of the tank's sides that are open; `copies`: of the
-    computed part in a whole finger.
+    computed part in a whole finger; `accurate`: share of the sources that may be left.
     """
     triangles, quads = planform["triangles"].values, planform["quads"].values
     column, layer = sweep["cell_column"].values, sweep["cell_layer"].values
@@ -75,13 +76,15 @@ def forces_of_water(
     through = np.einsum("mpi,pi->pm", of_edges, outwards)
     moved = np.zeros((cells, len(acceleration)))
     np.add.at(moved, wet[blocked], through[piece] * depth[level, None])
-    pressure = -density * _solved(matrix, diagonal, moved)
+    pressure = -density * _solved(matrix, diagonal, moved, accurate)
     total = np.zeros((int(finger.sum()), len(acceleration)))
     np.add.at(total, piece, pressure[wet[blocked]] * depth[level, None])
     return middle[finger], copies * total.T[:, :, None] * outwards
 
 
-def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> FloatArray:
+def _solved(
+    matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray, accurate: float
+) -> FloatArray:
     """Columns x of matrix x = right, by conjugate gradients.
 
     The level of the pressure, which the gaps alone hold, converges by a term of its own. In single
@@ -94,5 +97,5 @@ def _solved(matrix: sp.csr_array, diagonal: FloatArray, right: FloatArray) -> Fl
     )
     columns = right.T.astype(np.float32)
     return np.column_stack(
-        [cg(single, column, rtol=_ACCURATE, M=preconditioner)[0] for column in columns]
+        [cg(single, column, rtol=accurate, M=preconditioner)[0] for column in columns]
     )

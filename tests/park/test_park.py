@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from docs.evidence.park import table as park
-from docs.evidence.park.checks import LIMITS, Outcome, _against_whole
+from docs.evidence.park.checks import LIMITS, Outcome, _against_whole, _contours
 from docs.evidence.park.draw import drawn
 from pipeline.scene.scene import load_scene
 
@@ -54,6 +54,17 @@ def test_a_sum_that_is_no_number_fails_at_whichever_instant_it_is(sums):
     assert view == 0.5
     assert np.isnan(total)
     assert _against_whole(found, np.array([0.1, 0.3])) == (0.5, 0.15)
+
+
+def test_contours_of_the_total_lie_between_what_is_reached_and_the_tank():
+    """One far cell off the wall they passed through its layer: the total was 8 % for 0.4 %."""
+    reached, water = np.array([(-0.01, 0.09), (0.06, 0.21)]), np.array([(-0.25, 0.0), (0.25, 0.23)])
+    for corners in _contours(reached, water):
+        low, high = corners.min(0), corners.max(0)
+        share = np.concatenate([(low - water[0]) / (reached[0] - water[0]),
+                                (high - water[1]) / (reached[1] - water[1])])  # fmt: skip
+        assert np.ptp(share) < 1e-9
+        assert 0.299 < share[0] < 0.501
 
 
 def test_the_page_holds_what_was_made_and_what_failed(tmp_path):
