@@ -63,6 +63,7 @@ def judged():
     source = {"name": "geometry and material", "kind": "input", "std": [2.34e-4], "how": how}
     numbers = {
         "u_num": [1.23e-4], "u_input": [2.34e-4], "u_D": [3.45e-4], "significance": 12.34,
+        "simulation": [7.7e-3], "window": None,
         "dominant": source["name"],
         "sources": [source],
     }  # fmt: skip
@@ -82,6 +83,7 @@ def judged():
     return whole | {
         "scene": "finger", "level": "coarse", "data": "A laboratory",
         "numerics": "Level coarse errs by 3 % at worst.",
+        "quality": {"pictures": 40.0, "density_ppp": 0.05}, "repeats": [],
         "registration": whole["registration"] | registration,
         "provenance": {
             "dpiv_sha256": "0" * 64, "seed": 1,
