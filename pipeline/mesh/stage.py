@@ -32,8 +32,7 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
 from piv.files.errors import StageError
 
-# planforms, and by the sum of all deformation: a finger that swings to and fro needs more
-_MOST_MESHES, _MOST_OF_DEFORMATION = 6, 2.0
+_MOST_MESHES = 6
 _FEW_CELLS = 3.0  # between a body and the tank's bounds: too few to follow it
 _USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
 _LEAST_CLEARANCE = 0.06  # of the finger's thickness, between it and the support
@@ -178,12 +177,11 @@ def _choose_meshes(
     """As few planforms as keep the limits of mesh quality, and the rows of mesh_quality.csv.
 
     `sampling`: time steps between pictures of the sheet; `overlap`: steps that a mesh serves before
-    its interval. Raises StageError where the most planforms do not suffice.
+    its interval. Raises StageError where _MOST_MESHES do not suffice.
     """
     deformation = setting.deformation_of_steps
     reason = ""
-    most = max(_MOST_MESHES, round(_MOST_OF_DEFORMATION * float(np.ptp(setting.deformation))))
-    for count in range(1, most + 1):
+    for count in range(1, _MOST_MESHES + 1):
         try:
             with tqdm(desc=f"mesh, {count} planforms", disable=quiet or None, unit="shape") as bar:
                 parts = divide(deformation, count, sampling, overlap)
@@ -196,7 +194,7 @@ def _choose_meshes(
         else:
             return meshes, rows
     raise StageError(
-        f"mesh: with {most} planforms {reason}: {_room(setting, mesh)}shorten the stroke,"
+        f"mesh: with {_MOST_MESHES} planforms {reason}: {_room(setting, mesh)}shorten the stroke,"
         " change mesh.wall_cell, or raise the limit"
     )
 

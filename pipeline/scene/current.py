@@ -51,11 +51,11 @@ class Current(Section):
     table: str | None = None
     """CSV of the speed over time (t, u), in place of speed and oscillation"""
     profile: Literal["uniform", "boundary_layer", "channel"] = "uniform"
-    """Of the inflow over the height; "channel": a parabola of mean `speed`, and a lid that holds"""
+    """Of the inflow over the height; "channel": a parabola of mean `speed`, no-slip lid"""
     thickness: Positive | None = None
     """Of the boundary layer at the bottom [m]"""
     walls: Literal["no-slip", "slip"] = "no-slip"
-    """Whether water sticks to the tank's bottom and sides; but in a channel the lid slips"""
+    """Of the tank's bottom and sides; the lid slips, except in a channel"""
 
     @property
     def sign(self) -> int:
@@ -64,7 +64,7 @@ class Current(Section):
 
     @property
     def channel(self) -> bool:
-        """Whether a lid closes the water, and holds it."""
+        """Whether the profile is a channel's, whose lid is a no-slip wall."""
         return self.profile == "channel"
 
     @model_validator(mode="after")

@@ -79,7 +79,7 @@ class Coupling:
     ) -> None:
         """At rest at the first pressure; `step` in s; `running`: in water that flows at 0 s.
 
-        It is then let go after the first step, whose loads are those before it, too.
+        The finger is then held until the first step has given the stream's loads at 0 s.
         """
         self.chain, self.step, self.water, self.pressure = chain, step, water, pressure
         self._running = running

@@ -1,6 +1,7 @@
 """The numerical error of a level by windows of the stroke, as the study of the trade-off has it."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,14 +53,9 @@ def level_error(
         f"Level {level}: its numerical error was not measured for this scene"
         f" ({command('tradeoff', scenes[0])} measures it)."
     )
-    for folder in scenes:
-        path = folder / "studies" / "results" / "errors.csv"
-        table = pd.read_csv(path, comment="#") if path.exists() else None
-        if table is None:
-            continue
+    for folder, table, windows in _measured(scenes, level):
         own = folder == scenes[0]
-        windows = table[table["run"] == level].sort_values("start_s", ignore_index=True)
-        if middle and not own and len(windows):
+        if middle and not own:
             windows = _stretched(windows, middle)
         # a run that ends before the middle of the stroke has the errors of that
         begun, ends = windows["start_s"] < run_end, windows["end_s"].clip(upper=run_end)
@@ -80,14 +76,24 @@ def measured_errors(scenes: list[Path], level: str) -> dict[str, float]:
 
     `scenes`: as of `level_error`.
     """
+    for _, _, windows in _measured(scenes, level):
+        first = windows.iloc[0]
+        return {name: float(first[name]) for name in _ERRORS if pd.notna(first.get(name))}
+    return {}
+
+
+def _measured(scenes: list[Path], level: str) -> Iterator[tuple[Path, pd.DataFrame, pd.DataFrame]]:
+    """Folder, table of errors.csv and rows of a level, of each of the scenes that has measured it.
+
+    Rows are sorted by time.
+    """
     for folder in scenes:
         path = folder / "studies" / "results" / "errors.csv"
-        table = pd.read_csv(path, comment="#") if path.exists() else pd.DataFrame({"run": []})
-        rows = table[table["run"] == level]
-        if len(rows):
-            first = rows.sort_values("start_s").iloc[0]
-            return {name: float(first[name]) for name in _ERRORS if pd.notna(first.get(name))}
-    return {}
+        if path.exists():
+            table = pd.read_csv(path, comment="#")
+            windows = table[table["run"] == level].sort_values("start_s", ignore_index=True)
+            if windows["error"].notna().any():
+                yield folder, table, windows
 
 
 def _stretched(windows: pd.DataFrame, middle: tuple[float, float]) -> pd.DataFrame:

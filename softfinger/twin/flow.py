@@ -16,9 +16,9 @@ from postprocess.report.trust import measured_errors
 from softfinger.study.table import middle_of_stroke
 from softfinger.twin.confirm import coupled
 from softfinger.twin.fit import BAND, Fit
+from softfinger.twin.identify import GROUPS
 from softfinger.twin.model import LOADS, LOSS, STIFF, Stroke, Twin
 
-GROUPS = {"rubber": (STIFF, LOADS), "damping": (LOSS,)}
 GRID = "grid and step"
 _CHANGED = {STIFF: "stiffness", LOADS: "loads", LOSS: "damping"}  # names of the runs
 LAST = "vortices_cfd"  # stage that a run needs
@@ -28,8 +28,6 @@ _LEAST_STEP = 0.2
 _FORCE, _CIRCULATION = "largest force, N", "mean circulation of the tip vortex, m²/s"
 _ERRORS = {_FORCE: "error_force", _CIRCULATION: "error_circulation"}
 
-Window = tuple[float, float]
-
 
 def flow_bands(
     twin: Twin, found: Fit, folder: Path, level: str, stroke: Stroke, base: Run
@@ -37,17 +35,15 @@ def flow_bands(
     """Value, band (95 %) and shares by group of each number of the flow, by three coupled runs.
 
     `base`: the run of `found` itself. The error that the level had in the trade-off's study, where
-    its scene has one, counts as a standard uncertainty. A vortex that one of the runs has not gives
-    no circulation.
+    its scene has one, counts as a standard uncertainty. Where one of the runs has no vortex the
+    circulation is left out.
     """
     window = middle_of_stroke(StageFiles(base.scene))
-    own, names = _numbers(base, window), [one.name for one in found.parameters]
-    places = [names.index(name) for name in _CHANGED]
-    changed = []
-    for k in places:
+    own, changed = _numbers(base, window), []
+    for k, name in zip(_places(found), _CHANGED.values(), strict=True):
         step = max(float(found.std[k]), _LEAST_STEP)
-        values = found.values(found.z + step * np.eye(len(names))[k])
-        run, _ = coupled(twin, folder, level, stroke, _CHANGED[names[k]], values, LAST)
+        values = found.values(found.z + step * np.eye(len(found.z))[k])
+        run, _ = coupled(twin, folder, level, stroke, name, values, LAST)
         changed.append((step, _numbers(run, window)))
     errors = measured_errors([base.scene.folder, *base.scene.parents], level)
     rows = []
@@ -59,15 +55,15 @@ def flow_bands(
 
 
 def band(value: float, slopes: np.ndarray, found: Fit, error: float | None) -> dict[str, Any]:
-    """Band of a value with `slopes` by the parameters of GROUPS, in standard deviations.
+    """Band of a value with `slopes` by the changed parameters, per standard deviation of the prior.
 
     `error`: relative, of the level; None where none was measured, which leaves its share out.
     """
-    names = [one.name for one in found.parameters]
-    places = [names.index(name) for name in _CHANGED]
+    places = _places(found)
     covariance = found.covariance[np.ix_(places, places)]
     parts = dict(zip(_CHANGED, slopes * (covariance @ slopes), strict=True))
-    shares = {group: float(sum(parts[n] for n in of)) for group, of in GROUPS.items()}
+    groups = {group: of for group, of in GROUPS.items() if parts.keys() >= set(of)}
+    shares = {group: float(sum(parts[n] for n in of)) for group, of in groups.items()}
     if error is not None:
         shares[GRID] = (error * value) ** 2
     total = max(sum(shares.values()), 1e-300)
@@ -76,7 +72,13 @@ def band(value: float, slopes: np.ndarray, found: Fit, error: float | None) -> d
     return {"value": value, "band": [value - half, value + half], "shares": relative}
 
 
-def _numbers(run: Run, window: Window) -> dict[str, float]:
+def _places(found: Fit) -> list[int]:
+    """Positions of the changed parameters among those of the fit."""
+    names = [one.name for one in found.parameters]
+    return [names.index(name) for name in _CHANGED]
+
+
+def _numbers(run: Run, window: tuple[float, float]) -> dict[str, float]:
     """The flow's numbers of a run: over its whole stroke, or over a `window` (s)."""
     out = run.scene.out
     force = FORCES.read(out / "run" / "forces.csv")

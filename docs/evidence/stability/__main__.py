@@ -58,16 +58,16 @@ def judge(part: str | None) -> list[dict[str, Any]]:
     ended = list[dict[str, Any]]()
     if part in (None, "runs"):
         plan, finer_plan = map(read_plans, PLANS)
-        likes = finer.likes(finer_plan)
-        ended = [finer.errors(run, likes.get(run["run"])) for run in plan]
+        finer_runs = finer.finer_runs(finer_plan)
+        ended = [finer.errors(run, finer_runs.get(run["run"])) for run in plan]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
         write_table(FOLDER / "runs.csv", table, origin(plan) | made)
     if part in (None, "drawn"):
-        likes = finer.likes(plan := read_plans([DRAWN]))
-        runs = [run for run in plan if run["run"] in likes and outcome_is_there(run)]
-        drawn_rows = [run | drawn.result(run, likes[run["run"]]) for run in runs]
+        finer_runs = finer.finer_runs(plan := read_plans([DRAWN]))
+        runs = [run for run in plan if run["run"] in finer_runs and outcome_is_there(run)]
+        drawn_rows = [run | drawn.result(run, finer_runs[run["run"]]) for run in runs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)
         head = origin(plan) | made
         table = drawn.with_earlier(table, head["stages"], FOLDER / "drawn.csv")

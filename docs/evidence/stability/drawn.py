@@ -1,4 +1,4 @@
-"""Drawn runs against their like with half the step and finer cells: which are wrong unwarned?
+"""Drawn runs against finer ones at half the step: which are wrong without a warning?
 
 `python -m docs.evidence.stability.drawn` draws the study
 cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
@@ -35,7 +35,7 @@ _SIZES = {
 
 
 def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
-    """Rows of the study: each drawn run, and its like with half the step and finer cells."""
+    """Rows of the study: each drawn run, and one at half the step with finer cells."""
     random, rows = np.random.default_rng(seed), list[dict[str, Any]]()
     while len(rows) < 2 * count:
         step, rise = random.choice([*_STEPS]), random.choice(_RISES)
@@ -92,7 +92,7 @@ def with_earlier(rows: pd.DataFrame, stages: dict[str, int], path: Path) -> pd.D
 def main() -> None:
     """Write the study's table anew."""
     rows = [row for draws in DRAWS for row in draw(*draws)]
-    about = "Drawn runs, each with its like at half the step and finer cells, by"
+    about = "Drawn runs, each with one at half the step and with finer cells, by"
     write_study(TABLE, rows, f"{about} docs/evidence/stability/drawn.py.")
 
 

@@ -1,6 +1,6 @@
-"""A run's like at half the step and with cells 2/3 as large, and how far the run is from it.
+"""Runs repeated at half the time step and with cells 2/3 as large, and how far the first are off.
 
-`python -m docs.evidence.stability.finer` writes the likes of the runs at the extremes as studies,
+`python -m docs.evidence.stability.finer` writes the finer runs of those at the extremes as studies,
 cases/<scene>/studies/stability_finer.csv. `softfinger study` makes them.
 """
 
@@ -23,13 +23,13 @@ from softfinger.study.rows import Row, read_study
 
 SCENES = ("single_finger", "pinch")
 WRONG = 0.2  # of peak force or impulse
-FINER = "_fine"  # end of the name of the like
+FINER = "_fine"  # end of the name of a finer run
 STEP, CELLS = 0.5, 2 / 3  # over those of the run
 _SIZES = ("wall_cell", "tip_cell", "near_cell", "far_cell", "edge_layer", "sheet_layer")
 
 
-def like(row: Row, folder: Path) -> dict[str, Any]:
-    """The study's row of a run's like; StageError where the scene refuses the run itself."""
+def finer_row(row: Row, folder: Path) -> dict[str, Any]:
+    """The study's row of the finer run; StageError where the scene refuses the run itself."""
     scene = open_run(folder, row.level, row.overrides, folder / "out" / "none").scene
     sizes = {name: getattr(scene.mesh, name) for name in _SIZES}
     numbers = {f"mesh.{name}": float(f"{CELLS * m:.4g}") for name, m in sizes.items() if m}
@@ -50,14 +50,14 @@ def write_study(path: Path, rows: Iterable[dict[str, Any]], about: str) -> None:
         writer.writerows(rows)
 
 
-def likes(runs: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The likes among `runs` that have been made, by the name of the run that each judges."""
+def finer_runs(runs: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The finer runs among `runs` that have been made, by the name of the run that each judges."""
     made = [run for run in runs if outcome_is_there(run)]
     return {r["run"].removesuffix(FINER): r for r in made if r["run"].endswith(FINER)}
 
 
 def errors(run: dict[str, Any], finer: dict[str, Any] | None) -> dict[str, Any]:
-    """How a run ended; of a completed one its errors against its `finer` like, if there is one."""
+    """How a run ended; of a completed one its errors against its `finer` run, if any."""
     about = solver.result(run)
     if finer is None or {about["ended"], solver.result(finer)["ended"]} != {"completed"}:
         return about
@@ -89,14 +89,14 @@ def _force(run: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
 
 
 def main() -> None:
-    """Write the studies of the likes; runs that their scene refuses have none."""
+    """Write the studies of the finer runs; a run that its scene refuses has none."""
     for name in SCENES:
-        folder, likes = Path("cases") / name, list[dict[str, Any]]()
+        folder, rows = Path("cases") / name, list[dict[str, Any]]()
         for row in read_study(folder / "studies" / "stability.csv"):
             with suppress(StageError):
-                likes.append(like(row, folder))
+                rows.append(finer_row(row, folder))
         about = "The runs of stability.csv at half the step and with cells 2/3 as large (finer.py)."
-        write_study(folder / "studies" / "stability_finer.csv", likes, about)
+        write_study(folder / "studies" / "stability_finer.csv", rows, about)
 
 
 if __name__ == "__main__":

@@ -26,10 +26,10 @@ def end_of_flag(scene: Scene) -> dict[str, Series]:
     """Displacement of the middle of the flag's end, along and across the stream, mm."""
     chain, file = ElasticFinger.of(scene).chain, read_elastic_motion(scene.out / FILE)
     time, pressure, delta = (file[name].values for name in ("time", "pressure", "delta"))
-    end = np.diff(chain.profile(pressure, delta)[:, -2:], axis=1)[:, 0] @ [1, 1j]
+    line = chain.profile(pressure, delta)[:, -2:] @ [1, 1j]
+    end = line[:, 1] - line[:, 0]
     dorsal = -1j * end / np.abs(end)
-    place = chain.profile(pressure, delta)[:, -1] @ [1, 1j]
-    place = 1e3 * (place + 0.5 * chain.thickness(pressure)[:, -1] * dorsal)
+    place = 1e3 * (line[:, 1] + 0.5 * chain.thickness(pressure)[:, -1] * dorsal)
     return {"along": (time, (place - place[0]).real), "across": (time, (place - place[0]).imag)}
 
 
@@ -59,14 +59,15 @@ def measure() -> Result:
     rows = [row.run for row in read_study(CASES / "studies" / f"{NAME}.csv")]
     for row in rows:
         scene = solved(row, NAME, "solve")
-        series = forces(scene) | (end_of_flag(scene) if scene.coupled else {})
+        of_water = forces(scene)
+        series = of_water | (end_of_flag(scene) if scene.coupled else {})
         test, grid = row.split("_")
         limits = published["tolerance"]
         limits = limits.get(test, limits[test[:3]])
         for quantity, wanted in published[test].items():
             found = swing(series[quantity], "amplitude" not in wanted)
             for part, value in wanted.items():
-                unit = {"frequency": "Hz"}.get(part, "N/m" if quantity in forces(scene) else "mm")
+                unit = {"frequency": "Hz"}.get(part, "N/m" if quantity in of_water else "mm")
                 checks.append(
                     Check(f"{row}.{quantity}.{part}", f"{test.upper()} on grid {grid}: {part} of"
                           f" {quantity}", found.get(part, 0.0),

@@ -1,7 +1,6 @@
 """Dividing a motion among planforms: intervals cover the time, with as few planforms as needed."""
 
 from itertools import pairwise
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from pipeline.formats.mesh_intervals import read_intervals
 from pipeline.kinematics import stage as kinematics
 from pipeline.mesh import stage as mesh
 from pipeline.mesh.intervals import HYSTERESIS, PADDING, cumulative_deformation, divide, last_move
-from pipeline.mesh.morph import MorphError
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
 from tests.conftest import write_scene
@@ -106,21 +104,6 @@ def test_one_planform_suffices_for_the_single_finger_and_a_long_stroke_takes_sev
     assert worst[:, 5].max() <= far.mesh.max_non_orthogonality_deg
     assert worst[:, 2].sum() == pytest.approx(1.0, abs=1e-4)  # shares of the time, rounded
     assert {int(interval) for interval in worst[:, 0]} == {interval.index for interval in intervals}
-
-
-@pytest.mark.parametrize("total, most", [(1.6, 6), (6.5, 13)])
-def test_a_finger_that_swings_to_and_fro_may_have_more_planforms(monkeypatch, total, most):
-    """Two periods of ±90° broke the limit by 0.6° with six."""
-
-    def refuse(*_):
-        raise MorphError("it is too bad")
-
-    monkeypatch.setattr(mesh, "_build_mesh", refuse)
-    monkeypatch.setattr(mesh, "_room", lambda *_: "")
-    deformation = np.linspace(0, total, 401)
-    setting = SimpleNamespace(deformation=deformation, deformation_of_steps=deformation)
-    with pytest.raises(StageError, match=f"with {most} planforms it is too bad"):
-        mesh._choose_meshes(setting, None, 4, 8, True)
 
 
 NEAR_THE_BOTTOM = "[finger]\nroot = [0.0, 0.075]\n[camera]\ncentre = [0.02, 0.06]\n"

@@ -1,4 +1,4 @@
-"""Drawn runs and their finer likes, and what counts as wrong without a warning."""
+"""Drawn runs and their finer ones, and what counts as wrong without a warning."""
 
 import numpy as np
 import pandas as pd
@@ -11,16 +11,16 @@ from softfinger.study.rows import read_study
 from tests.conftest import ROOT
 
 
-def test_each_drawn_run_has_its_like_at_half_the_step_and_finer_cells():
+def test_each_drawn_run_has_one_at_half_the_step_and_finer_cells():
     rows = read_study(ROOT / drawn.TABLE)
     assert [row.level for row in rows].count("smoke") == 80
     assert [row.level for row in rows].count("draft") == 24
-    for run, like in zip(rows[::2], rows[1::2], strict=True):
-        assert like.run == f"{run.run}_fine"
+    for run, fine in zip(rows[::2], rows[1::2], strict=True):
+        assert fine.run == f"{run.run}_fine"
         step, cell = "numerics.time_step", "mesh.wall_cell"
-        assert like.overrides[step] == pytest.approx(run.overrides[step] / 2)
-        assert like.overrides[cell] == pytest.approx(run.overrides[cell] / 1.5, rel=1e-3)
-        assert like.overrides["motion.strokes"] == run.overrides["motion.strokes"]
+        assert fine.overrides[step] == pytest.approx(run.overrides[step] / 2)
+        assert fine.overrides[cell] == pytest.approx(run.overrides[cell] / 1.5, rel=1e-3)
+        assert fine.overrides["motion.strokes"] == run.overrides["motion.strokes"]
 
 
 @pytest.mark.parametrize(
