@@ -66,9 +66,9 @@ def default_filter() -> Filter:
 def best_filter(powers: list[Powers], before: Filter) -> Filter:
     """Return the maximum-likelihood filter by the powers of images that `before` has filtered.
 
-    Without powers the filter stays.
+    Without powers, or where the images are black, the filter stays.
     """
-    if not powers:
+    if not any(np.any(cross) for cross, _, _ in powers):
         return before
     frequency, signal, noise, error = _undo(before.response, radial_spectra(powers))
     spectra = frequency, _likely_signal(frequency, signal, error), noise
@@ -150,6 +150,7 @@ def radial_spectra(powers: list[Powers]) -> tuple[ndarray, ndarray, ndarray, nda
     count = np.bincount(bins)
     signal, noise = (np.bincount(bins, p.ravel()) / count for p in (cross, difference))
     samples = count * tiles / _TAPERED
+    noise = np.maximum(noise, 1e-9 * np.abs(signal).max())  # equal images have none
     error = np.sqrt((np.maximum(signal, 0) * noise + noise**2 / 2) / samples)
     return np.arange(count.size) / TILE, signal, noise, error
 

@@ -164,3 +164,11 @@ def test_a_missing_file_is_one_sentence_in_python(tmp_path):
             open_vectors(tmp_path / name)
         assert str(raised.value) == f"{tmp_path / name}: no such file"
         assert raised.value.__cause__ is None
+
+
+def test_two_equal_images_show_no_motion(pair):
+    found = correlate_pair(pair[0], pair[0])  # their difference has no noise to measure
+    known = found.flag.values == 0
+    assert known.mean() > 0.9
+    # a hundredth of the usual random error of a vector
+    assert max(np.abs(found.u.values[known]).max(), np.abs(found.v.values[known]).max()) < 5e-4
