@@ -117,8 +117,10 @@ def _name_spikes(ax: Axes, curves: list[Curve]) -> None:
             time, value = np.asarray(curve.time)[at], float(curve.values[at])
             if not low - slack <= value <= high + slack:
                 edge, side = (high, "top") if value > high else (low, "bottom")
-                text = f" {mark} to {value:.2g}"
-                ax.text(time, edge, text, color=curve.colour, fontsize=8, va=side)
+                late = time > np.mean(ax.get_xlim())  # the text stays within the picture
+                text = f" to {value:.2g} {mark} " if late else f" {mark} to {value:.2g} "
+                to = "right" if late else "left"
+                ax.text(time, edge, text, color=curve.colour, fontsize=8, va=side, ha=to)
 
 
 def circulations(tracks: Tracks) -> list[Curve]:

@@ -70,14 +70,18 @@ class Flow(NamedTuple):
     judged: tuple[float, float]
 
     def instants(self) -> ndarray:
-        """Times of the pictures, s: through the stroke, of a pinch from contact on, the last."""
+        """Times of the pictures, s: through the stroke, of a pinch from contact on, the last.
+
+        Those of the source that has the fewest.
+        """
         clock, last = self.clock, min(float(p["time"][-1]) for p in self.planes.values())
         at = [stroke_window(clock.time, clock.progress, (part, 0.999))[0] for part in _INSTANTS]
         met = clock.met() if clock.gap is not None else None
         if met is not None:
             later = [t for after in _AFTER_CONTACT if (t := met + after) < last - 0.01]
             at = [t for t in at if t < met - 0.01] + later
-        return np.array([*at, last])
+        times = min((p["time"].values for p in self.planes.values()), key=len)
+        return times[[int(np.abs(times - t).argmin()) for t in (*at, last)]]
 
     def film_times(self) -> ndarray:
         """Times of film and slider, s: no more of them than there are fields."""

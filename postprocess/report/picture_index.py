@@ -64,10 +64,14 @@ class PrintAlbum(Album):
 
 
 def time_axis(figure: Figure) -> dict[str, Any]:
-    """`axis`: left and right end in parts of the width, and their times (s); empty without one."""
+    """`axis`: left and right end in parts of the width, and their times (s); empty without one.
+
+    Then the space above and below all axes, in parts of the height.
+    """
     axes = [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
     over = [ax for ax in axes if ax.get_xlabel() == "time, s"]
     if not over or len({(ax.get_xlim(), ax.get_position().x0) for ax in axes}) > 1:
         return {}
-    place = over[0].get_position()
-    return {"axis": [place.x0, place.x1, *map(float, over[0].get_xlim())]}
+    first, *_ = places = [ax.get_position() for ax in axes]
+    room = 1 - max(p.y1 for p in places), min(p.y0 for p in places)
+    return {"axis": [first.x0, first.x1, *map(float, over[0].get_xlim()), *room]}

@@ -8,8 +8,10 @@ let source = 0, timer = null;
 
 // a line at the shown instant in every figure over time; a click there shows that instant
 const cursors = [...document.querySelectorAll("figure[data-axis]")].map(figure => {
-  const [left, right, first, last] = figure.dataset.axis.split(" ").map(Number);
+  const [left, right, first, last, above, below] = figure.dataset.axis.split(" ").map(Number);
   const plot = figure.querySelector(".plot"), line = plot.appendChild(document.createElement("i"));
+  line.style.top = 100 * above + "%";
+  line.style.bottom = 100 * below + "%";
   plot.addEventListener("click", event => {
     const part = (event.clientX - plot.getBoundingClientRect().left) / plot.clientWidth;
     const time = first + (part - left) / (right - left) * (last - first);

@@ -60,6 +60,7 @@ def test_an_axis_ignores_a_spike_and_names_it_and_the_page_knows_where_its_time_
     assert axes.get_ylim()[1] < 1
     assert [text.get_text().strip() for text in axes.texts] == ["▲ to 50"]
     figure.canvas.draw()
-    left, right, first, last = time_axis(figure)["axis"]
+    left, right, first, last, above, below = time_axis(figure)["axis"]
     assert 0 < left < right <= 1
+    assert 0 <= above < 1 - below < 1  # the time's labels are below
     assert first <= 0 < 1 <= last
