@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.formats.kinematics import Kinematics, read_kinematics
 from pipeline.formats.records import LAB_COMPARISON, RUN
-from pipeline.runs.estimate import duration, estimate
 from pipeline.runs.run import Run, open_run
-from pipeline.runs.stages import BY_NAME
-from piv.files.atomic import write_bytes, write_text
+from piv.files.atomic import sha256, write_bytes, write_text
 from piv.files.errors import StageError
 from piv.files.lock import exclusive
 from piv.files.provenance import versions
@@ -20,8 +19,8 @@ from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.causes import check_fit, draw_fit
 from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
-from postprocess.lab.flow import with_flow
-from postprocess.lab.inputs import Input, level_windows, read_inputs
+from postprocess.lab.flow import quantities, series, with_flow
+from postprocess.lab.inputs import level_uncertainty, level_windows, read_inputs
 from postprocess.lab.motion import (
     Comparison,
     Effect,
@@ -32,7 +31,7 @@ from postprocess.lab.motion import (
     stroke_duration,
     with_speeds,
 )
-from postprocess.lab.recorded import LabRecording, lab_vectors, stated_pose
+from postprocess.lab.recorded import LabRecording, lab_vectors, recording_quality, stated_pose
 from postprocess.lab.register import (
     Known,
     Registration,
@@ -40,14 +39,13 @@ from postprocess.lab.register import (
     register,
     stated_registration,
 )
-from postprocess.lab.summary import compare, summary
+from postprocess.lab.validation import joint_level, judged, repeated, verdicts
 from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
 from softfinger.make import Machine, make
 from softfinger.sheets import make_sheet
 
 PLANES = 84  # of a run that varies an input: its effect changes slowly
-TO_SOLVE = ("kinematics", "mesh", "case", "solve")
 LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "opencv-python-headless", "numba")
 SEED = 1  # of the registration's samples
 MARGIN = 0.008  # m of the sheet beyond the picture
@@ -79,35 +77,29 @@ def compare_with(
     lab.mkdir(parents=True, exist_ok=True)
     with exclusive(lab):
         make(run, run.motion, machine, quiet)
-        motion = scene.motion_folder / "kinematics.h5"
-        kinematics = read_kinematics(motion)
-        kinematics = over_bend(kinematics) if scene.coupled else kinematics
-        asked = beside if inputs else ()
-        numbers = scene_numbers(StageFiles(scene))
-        # where water moves the finger as well, a longer stroke has no similar flow
-        longer = {} if scene.coupled else {o: s for o in asked if (s := o.stretch(numbers))}
-        runs = _beside(run, [of for of in asked if of not in longer], machine)
+        kinematics, asked = _motion(run), beside if inputs else ()
+        numbers, runs, effects = scene_numbers(StageFiles(scene)), {}, []
+        for of in asked:
+            # where water moves the finger as well, a longer stroke has no similar flow
+            longer = None if scene.coupled else of.stretch(numbers)
+            if longer:
+                effects.append(Effect(of, 0.0, (longer - 1) * stroke_duration(kinematics)))
+                continue
+            values, out = dict(run.overrides) | of.overrides(numbers), run.out / "inputs" / of.name
+            runs[of.name] = one = open_run(scene.folder, scene.level, values, out)
+            make(one, one.motion, machine, quiet=True)
+            effects.append(Effect(of, *difference(kinematics, _motion(one))))
         parents = [scene.folder, *scene.parents]
-        cases, levels = [], level_windows(parents, scene.level, _plane(run))
+        cases, levels = [], level_windows(parents, scene.level, scene.model.kind == "2d")
         for dpiv, name in zip(dpivs, names, strict=True):
-            bend_std = _fea_band(dpiv, kinematics, motion)
+            bend_std = _fea_band(dpiv, kinematics, scene.motion_folder / "kinematics.h5")
             (labs / name).mkdir(exist_ok=True)
             seen = registered(dpiv, kinematics, labs / name / "registration_refused.png")
-            case = Comparison(kinematics, seen[0], bend_std, levels=levels, level=scene.level)
-            for of, one in runs.values():
-                changed = read_kinematics(one.scene.motion_folder / "kinematics.h5")
-                changed = over_bend(changed) if scene.coupled else changed
-                case.effects.append(Effect(of, *difference(kinematics, changed)))
-            lasts = stroke_duration(kinematics)
-            case.effects.extend(Effect(of, 0.0, (s - 1) * lasts) for of, s in longer.items())
-            cases.append((dpiv, case, seen[1]))
-        solved = {name: one for name, (_, one) in runs.items()}
+            known = dpiv, kinematics, seen[0], bend_std
+            cases.append((Comparison(*known, None, effects, levels, scene.level), seen[1]))
         compared = [
-            compare(
-                dpiv,
-                case if quick else _with_flow(case, run, solved, labs, dpiv, view, machine, quiet),
-            )
-            for dpiv, case, view in cases
+            case if quick else _with_flow(case, run, runs, labs / name, view, machine, quiet)
+            for name, (case, view) in zip(names, cases, strict=True)
         ]
         result = summary(compared) | {
             "not_varied": sorted(
@@ -115,18 +107,16 @@ def compare_with(
             ),
             "scene": scene.name,
             "level": scene.level,
-            "plane": _plane(run),
+            "plane": scene.model.kind == "2d",
             "coupled": scene.coupled,
             "numerics": level_error(parents, scene.level).sentence,
         }
-        result["provenance"] |= {"versions": versions(*LIBRARIES), "seed": SEED}
         if not quick:
             solver = RUN.read(run.out / "run" / "run.json").get("versions", {})
             result["provenance"]["versions"] |= solver
             LAB_COMPARISON.write(lab / "comparison.json", result)
-        for each, name in zip(compared, names, strict=True):
-            if each.series is not None:
-                write_text(labs / name / "series.csv", each.series.to_csv(index=False))
+            for case, name in zip(compared, names, strict=True):
+                write_text(labs / name / "series.csv", series(case).to_csv(index=False))
         if not quiet:
             for q in result["quantities"]:
                 ratio = f"|E|/u_val = {q['significance']:.2f}, mostly {q['dominant']}"
@@ -136,20 +126,51 @@ def compare_with(
         return make_report(page, scene.title, compared[0], result)
 
 
-def _plane(run: Run) -> bool:
-    return bool(run.scene.model.kind == "2d")
+def _motion(run: Run) -> Kinematics:
+    """The motion of a run, a coupled one over its bend."""
+    kinematics = read_kinematics(run.scene.motion_folder / "kinematics.h5")
+    return over_bend(kinematics) if run.scene.coupled else kinematics
 
 
-def _beside(run: Run, beside: list[Input], machine: Machine) -> dict[str, tuple[Input, Run]]:
-    """The runs beside the nominal one, by name, with their kinematics made."""
-    runs = {}
-    for of in beside:
-        values = of.overrides(scene_numbers(StageFiles(run.scene)))
-        scene, out = run.scene, run.out / "inputs" / of.name
-        one = open_run(scene.folder, scene.level, dict(run.overrides) | values, out)
-        make(one, one.motion, machine, quiet=True)
-        runs[of.name] = of, one
-    return runs
+def summary(cases: list[Comparison]) -> dict[str, Any]:
+    """comparison.json of one recording or of repeats, as far as they decide it."""
+    by_name = [{q.name: q for q in quantities(case)} for case in cases]
+    shared = [name for name in by_name[0] if all(name in one for one in by_name)]
+    means = [repeated([one[name] for one in by_name]) for name in shared]
+    rows, first = [judged(q, joint_level(len(means))) for q in means], cases[0]
+    during = next((q.window for q in means if q.window), (0.0, 0.0))
+    return {
+        "quantities": rows,
+        "levels": {
+            level: level_uncertainty(first.levels, level, during)
+            for level in first.levels["run"].unique()
+        },
+        **verdicts(rows),
+        "all_water": first.all_water,
+        "water_speed": first.water_speed,
+        "data": ", ".join(case.dpiv.title for case in cases),
+        "registration": first.registration.summary(),
+        "quality": recording_quality(
+            first.dpiv, first.registration, first.flow.data if first.flow else None
+        ),
+        "repeats": [
+            {
+                "title": case.dpiv.title,
+                "registration": case.registration.summary(),
+                "errors": {name: of[name].error for name in shared},
+            }
+            for case, of in zip(cases, by_name, strict=True)
+        ],
+        "provenance": {
+            "dpiv_sha256": [sha256(case.dpiv.folder / NAME) for case in cases],
+            "settings": {
+                case.dpiv.title: case.dpiv.model_dump(mode="json", exclude={"folder"})
+                for case in cases
+            },
+            "versions": versions(*LIBRARIES),
+            "seed": SEED,
+        },
+    }
 
 
 def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Registration, View]:
@@ -219,8 +240,7 @@ def _with_flow(
     case: Comparison,
     run: Run,
     runs: dict[str, Run],
-    labs: Path,
-    dpiv: Dpiv,
+    folder: Path,
     view: View,
     machine: Machine,
     quiet: bool,
@@ -229,38 +249,21 @@ def _with_flow(
 
     A clock that the water contradicts is refused before the runs beside the nominal one.
     """
-    make(run, "case", machine, quiet)
-    if not quiet:
-        print(_plan({"the nominal run": run} | runs, machine.ranks), flush=True)
     make(run, "solve", machine, quiet)
     name = f"lab_{'_'.join(f'{1e3 * v:.0f}' for v in view)}.h5"  # recordings of one set-up share it
     make_sheet(run, view, run.out / name, quiet)
     with read_plane(run.out / name) as opened:
         sheet = opened.load()
-    if dpiv.start == "from flow":
-        seen = onset(case.registration, lab_vectors(dpiv), sheet)
+    if case.dpiv.start == "from flow":
+        seen = onset(case.registration, lab_vectors(case.dpiv), sheet)
         case = replace(case, registration=seen)
     vortices = run.scene.vortices.model_dump(mode="json")
-    known = case.kinematics, case.registration, sheet, vortices
-    folder = labs / dpiv.folder.resolve().name
-    sides = both_sides(folder, dpiv, *known, threads=machine.jobs, quiet=quiet)
+    known = case.dpiv, case.kinematics, case.registration, sheet, vortices
+    sides = both_sides(folder, *known, threads=machine.jobs, quiet=quiet)
     case = with_speeds(case, sides)
-    check_rate(case, dpiv.piv.pairing == "1-2,3-4", dpiv.folder / NAME)
+    check_rate(case)
     for one in runs.values():
         make(one, "solve", machine, quiet)
         make_sheet(one, view, one.out / name, quiet, PLANES)
     sheets = {of: one.out / name for of, one in runs.items()}
     return with_flow(case, sides, sheets)
-
-
-def _plan(runs: dict[str, Run], ranks: int) -> str:
-    """The runs that are to be solved, by name, and how long that takes."""
-    missing = [name for name, one in runs.items() if one.why_stale("solve") is not None]
-    if not missing:
-        return "plan: nothing is left to solve"
-    time = sum(
-        estimate(runs[name], stage)[0] / (ranks if BY_NAME[stage].ranks else 1)
-        for name in missing
-        for stage in TO_SOLVE
-    )
-    return f"plan: to solve {', '.join(missing)}, about {duration(time)} on {ranks} idle cores"

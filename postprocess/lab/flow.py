@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,12 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import Comparison, recorded_bend, stroke_duration
+from postprocess.lab.motion import (
+    Comparison,
+    motion_quantities,
+    recorded_bend,
+    stroke_duration,
+)
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides, at_duration
@@ -27,21 +31,10 @@ from postprocess.lab.virtual_experiment import Sides, at_duration
 COLUMNS = ("circulation", "x", "y")
 
 
-class Measured(NamedTuple):
-    """A quantity of the flow: its columns of a table, its unit and label.
-
-    `power`: of the scale, with which its values go; 0: a place.
-    """
-
-    columns: list[str]
-    unit: str
-    label: str
-    power: int
-
-
+# columns of a table, unit, label, and the power of the scale with which values go (0: a place)
 QUANTITIES = {
-    "circulation": Measured(["circulation"], "m²/s", "circulation of the tip vortex", 2),
-    "centre": Measured(["x", "y"], "m", "centre of the tip vortex", 0),
+    "circulation": (["circulation"], "m²/s", "circulation of the tip vortex", 2),
+    "centre": (["x", "y"], "m", "centre of the tip vortex", 0),
 }
 FEWEST, PART = 3, 1 / 3  # instants, and the share of all that have a vortex on all sides
 MOST = 42  # instants of a run that varies an input: its effect changes slowly
@@ -167,26 +160,36 @@ def independent_instants(times: np.ndarray, window_s: float) -> float:
     return float(times.size**2 / np.sum(np.clip(1 - apart / window_s, 0.0, 1.0)))
 
 
-def flow_quantities(case: Comparison, sides: Sides) -> list[ValidatedQuantity]:
-    """The quantities with all their sources, as means over a part of the instants.
+def quantities(case: Comparison) -> list[ValidatedQuantity]:
+    """The quantities of a recording with all their sources; the flow's over a part of the instants.
 
     S is the simulation seen by PIV, with what the recording's own motion changes.
     """
-    at, out, tip = known_instants(case), [], case.kinematics.tip_width
+    out, tip = motion_quantities(case), case.kinematics.tip_width
+    if case.flow is None:
+        return out
+    at = known_instants(case)
     data = case.measured["data"].loc[at]
     speed = (data["circulation"] / (2 * np.pi * data["radius"])).abs().mean()
     for name in QUANTITIES:
         rows = compared_instants(case, at, name, data["circulation"].abs().mean())
         scale = tip if name == "centre" else abs(float(data.loc[rows, "circulation"].mean()))
-        out.append(_quantity(case, at, rows, name, scale, sides.window_m / float(speed)))
+        out.append(_quantity(case, at, rows, name, scale, case.flow.window_m / float(speed)))
     return out
+
+
+def series(case: Comparison) -> pd.DataFrame:
+    """The flow's quantities of each side over time, and S of the table."""
+    shown = case.measured | {"corrected": corrected(case)}
+    tables = [t.set_index("time").add_suffix(f"_{name}") for name, t in shown.items()]
+    return pd.concat(tables, axis=1).reset_index()
 
 
 def compared_instants(
     case: Comparison, at: np.ndarray, name: str, circulation: float
 ) -> np.ndarray:
     """The third of the instants `at` at which PIV and the level change a quantity least."""
-    columns, size = QUANTITIES[name].columns, max(FEWEST, int(PART * at.size))
+    columns, size = QUANTITIES[name][0], max(FEWEST, int(PART * at.size))
     scale = case.kinematics.tip_width if name == "centre" else circulation
     times = case.measured["data"]["time"].to_numpy()
     changed = (case.measured["virtual"] - case.measured["direct"])[columns].to_numpy(float)
@@ -205,8 +208,8 @@ def _quantity(
 
     `scale`: its size; `window_s`: in which particles cross a window.
     """
-    registration, measured, one = case.registration, case.measured, QUANTITIES[name]
-    columns = one.columns
+    registration, measured = case.registration, case.measured
+    columns, unit, label, power = QUANTITIES[name]
     times = measured["data"].loc[rows, "time"].to_numpy()
     ours, direct, theirs = (
         measured[side].loc[rows, columns].to_numpy(float) for side in ("virtual", "direct", "data")
@@ -220,8 +223,8 @@ def _quantity(
     variance, alike = ours_std**2 + theirs_std**2, independent_instants(times, window_s)
     excess = excess_scatter(times, ours - theirs, variance)
     value, rate = theirs.mean(axis=0), np.gradient(direct, times, axis=0).mean(axis=0)
-    if one.power:
-        seat = one.power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
+    if power:
+        seat = power * np.abs(value) * np.sqrt(registration.covariance[3, 3])
     else:
         turn = place_jacobian(registration.pose, value)
         seat = np.sqrt(np.diag(turn @ registration.covariance @ turn.T))
@@ -248,7 +251,7 @@ def _quantity(
         std = np.full(len(columns), level / np.sqrt(len(columns)))
         sources.append(Source(LEVEL_ERROR, "numerical", std, "its measured error, uniform"))
     both = ours.mean(axis=0) + bent, value
-    quantity = ValidatedQuantity(name, one.label, one.unit, *both, scale, sources, moved)
+    quantity = ValidatedQuantity(name, label, unit, *both, scale, sources, moved)
     known = ours_std, quantity.u_kind("numerical"), quantity.u_kind("input")
     instant = {"simulation": np.linalg.norm(known, axis=0)}
     known = theirs_std, excess, quantity.u_kind("data")

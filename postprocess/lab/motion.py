@@ -8,7 +8,6 @@ that is stated wrongly only the silhouettes change, since the interval within a 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -20,6 +19,7 @@ from scipy.optimize import least_squares
 from pipeline.formats.kinematics import SHAPE, Kinematics
 from piv.files.errors import StageError
 from piv.formats.plane_series import usable
+from postprocess.lab.dpiv_toml import NAME, Dpiv
 from postprocess.lab.fit_outline import law_pressure
 from postprocess.lab.inputs import EMPTY, Input
 from postprocess.lab.pose import camera_series
@@ -69,7 +69,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Motions of both sides, their flows (None: not compared), and the effects of the runs.
+    """One recording: motions of both sides, their flows (None: not compared), effects of runs.
 
     `bend_std` (rad): of the FEA at the end of the stroke; 0: its bands do not count. `measured`:
     `flow.measure` of each side. `water_speed`: of the recording over the simulation's in the first
@@ -77,6 +77,7 @@ class Comparison:
     `levels`: as of `inputs.level_windows`, and the `level` that is compared.
     """
 
+    dpiv: Dpiv
     kinematics: Kinematics
     registration: Registration
     bend_std: float
@@ -249,12 +250,12 @@ def near_speed(plane: xr.Dataset, clear: float) -> np.ndarray:
     return np.asarray(np.sqrt(square.sum(axis=(1, 2)) / np.where(count, count, np.nan)))
 
 
-def check_rate(case: Comparison, paired: bool, path: Path) -> None:
-    """StageError that names frame_rate_hz of `path` where the water contradicts it.
+def check_rate(case: Comparison) -> None:
+    """StageError that names frame_rate_hz where the water contradicts it.
 
     Of pictures that are no pairs the interval is wrong as well, and nothing shows it.
     """
-    if not paired or case.water_speed is None:
+    if case.dpiv.piv.pairing != "1-2,3-4" or case.water_speed is None:
         return
     law, speed = case.registration.law, float(np.log(case.water_speed))
     away = float(np.log(law.values[2]))
@@ -263,9 +264,9 @@ def check_rate(case: Comparison, paired: bool, path: Path) -> None:
     odds = (speed**2 - (speed - away) ** 2) / (2 * std**2)
     if odds > ODDS and abs(speed - away) < FAR_OFF * std:
         raise StageError(
-            f"{path}: frame_rate_hz is about {np.exp(-away):.2f} times the true one: the finger"
-            f" seems to take {np.exp(away):.2f} times as long as the simulation's, and the water"
-            " beside it moves as fast as the simulation's; write the pairs of pictures per second"
+            f"{case.dpiv.folder / NAME}: frame_rate_hz is about {np.exp(-away):.2f} times the true"
+            f" one: the finger seems to take {np.exp(away):.2f} times as long as the simulation's,"
+            " and the water beside it moves as fast as the simulation's; write the pairs per second"
         )
 
 

@@ -18,11 +18,11 @@ from postprocess.draw.flow import flow_figure, view_limits, vorticity_limit
 from postprocess.draw.style import CFD, GREY, LAB, PIV, SHADED, new_figure, save
 from postprocess.lab.causes import GREEN, ORANGE, outlined
 from postprocess.lab.fit_outline import law_pressure
-from postprocess.lab.inputs import level_uncertainty
+from postprocess.lab.flow import series
+from postprocess.lab.motion import Comparison
 from postprocess.lab.pose import Pose
 from postprocess.lab.recorded import LabRecording
 from postprocess.lab.register import Registration
-from postprocess.lab.summary import Compared
 from postprocess.lab.validation import (
     AGREES,
     DIFFERS,
@@ -60,42 +60,18 @@ TELLS = (
 WORST = 20  # % of the fastest water: end of the scale of the differences
 
 
-def make_report(path: Path, title: str, compared: Compared, result: dict[str, Any]) -> Path:
+def make_report(path: Path, title: str, case: Comparison, result: dict[str, Any]) -> Path:
     """Write the page and its figures beside it; those of one recording, of repeats the first."""
-    figures = _figures(path.parent / "figures", compared, result)
-    write_text(path, page(title, result, figures, _why_then(compared, result)))
+    figures = _figures(path.parent / "figures", case, result)
+    write_text(path, page(title, result, figures))
     return path
 
 
-def _why_then(compared: Compared, result: dict[str, Any]) -> str:
-    """Why the circulation is compared at its instants, and not at its peak."""
-    series = compared.series
-    if series is None:
-        return ""
-    window = next(q["window"] for q in result["quantities"] if q["name"] == "circulation")
-    ours, seen = series["circulation_direct"], series["circulation_virtual"]
-    changed, inside = ((seen - ours) / ours).abs(), series["time"].between(*window)
-    peak = series["circulation_data"].abs().idxmax()
-    case, at = compared.case, float(series["time"][peak])
-    known = [level_uncertainty(case.levels, case.level, one) for one in (window, (at, at))]
-    there, then = (100 * one.get("circulation", np.nan) for one in known)
-    level = (
-        f" The level's own error is {there:.0f}{PER_CENT} (standard uncertainty) at the shaded"
-        f" instants and {then:.0f}{PER_CENT} at the peak."
-    )
-    return (
-        f"PIV changes the simulation's circulation by {100 * changed[inside].mean():.0f}{PER_CENT}"
-        f" on average at the shaded instants, and by {100 * changed[peak]:.0f}{PER_CENT} at the"
-        f" peak ({at:.3f}{NBSP}s).{level if known[0] else ''}"
-    )
-
-
-def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str = "") -> str:
-    """The page of a comparison; `pictures`: alternative text by file, `why` its instants."""
+def page(title: str, result: dict[str, Any], pictures: dict[Path, str]) -> str:
+    """The page of a comparison; `pictures`: alternative text by file."""
     return page_template("lab.html").render(
         title=title,
         result=result,
-        why=why,
         answers=answers(result),
         pair=pair,
         size=size,
@@ -110,19 +86,19 @@ def page(title: str, result: dict[str, Any], pictures: dict[Path, str], why: str
     )
 
 
-def _figures(folder: Path, compared: Compared, result: dict[str, Any]) -> dict[Path, str]:
+def _figures(folder: Path, case: Comparison, result: dict[str, Any]) -> dict[Path, str]:
     """Draws all figures; their alternative texts."""
-    case, dpiv, series = compared.case, compared.dpiv, compared.series
-    kinematics, registration = case.kinematics, case.registration
+    kinematics, registration, dpiv = case.kinematics, case.registration, case.dpiv
     law, pose, out = registration.law, registration.pose, {}
     tight: dict[str, Any] = {"bbox_inches": "tight"}
-    if series is not None and case.flow is not None:
+    if case.flow is not None:
         circulation = next(q for q in result["quantities"] if q["name"] == "circulation")
-        path = save(_series(series, circulation), folder / "series.svg", **tight)
+        table = series(case)
+        path = save(_series(table, circulation), folder / "series.svg", **tight)
         out[path] = "Circulation over time with 95 % bands"
         path = folder / "flow.webp"
         middle = float(np.mean(circulation["window"]))
-        write_picture(_flow(case.flow, series, pose, middle), path, quality=85)
+        write_picture(_flow(case.flow, table, pose, middle), path, quality=85)
         out[path] = "Vectors of the recording beside the simulation's"
         path = save(_difference(case.flow), folder / "difference.png", **tight)
         out[path] = "Difference of the velocities at three instants"

@@ -100,14 +100,12 @@ class Law:
 class Registration:
     """Pose of the tank frame in the pictures, and the law of motion.
 
-    `covariance`: of (x px, y px, angle, ln magnification). `growth` (px): of the outline, as it is
-    seen. `pressures` (frame,) Pa: what each frame at `times` (s of the recording's clock) shows by
-    itself; none of vectors. `place`: as of `Known`.
+    `covariance`: of (x px, y px, angle, ln magnification). `pressures` (frame,) Pa: what each frame
+    at `times` (s of the recording's clock) shows by itself; none of vectors. `place`: of `Known`.
     """
 
     pose: Pose
     covariance: np.ndarray
-    growth: float
     law: Law
     times: np.ndarray
     pressures: np.ndarray
@@ -303,8 +301,8 @@ def register(fit: Fit, kinematics: Kinematics, known: Known) -> Registration:
         covariance -= np.outer(gain, covariance[at])
     law, pose = Law(state[LAW], covariance[LAW, LAW]), pose_of(state, kinematics.root)
     return Registration(
-        pose, covariance[:4, :4], float(state[GROWTH]), law, fit.times, fit.singles[0],
-        known.pose, fit.profile.rate(), known.place,
+        pose, covariance[:4, :4], law, fit.times, fit.singles[0], known.pose, fit.profile.rate(),
+        known.place,
     )  # fmt: skip
 
 
@@ -323,4 +321,4 @@ def stated_registration(dpiv: Dpiv, kinematics: Kinematics) -> Registration:
     covariance = np.diag([root_std, root_std, turn_std, dpiv.scale.std_percent / 100]) ** 2
     pose = Pose(1e3, float(np.radians(axes.turn_deg)), kinematics.root, at)
     law = Law(np.array([1.0, -start.at_s, 1.0]), np.diag([0.0, start.std_s**2, 0.0]))
-    return Registration(pose, covariance, 0.0, law, np.empty(0), np.empty(0), pose)
+    return Registration(pose, covariance, law, np.empty(0), np.empty(0), pose)

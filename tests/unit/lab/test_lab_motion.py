@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -32,7 +33,6 @@ from tests.lab_scene import finger_kinematics
 FACTOR, STRETCH = 1.05, 0.9
 COLUMNS = ["circulation"]
 ROWS = np.arange(3)
-PATH = Path("recording/dpiv.toml")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def case(tmp_path_factory):
     kinematics = finger_kinematics(tmp_path_factory.mktemp("motion"))
     law = Law(np.array([FACTOR, 0.0, STRETCH]), np.diag([2e-3, 5e-4, 4e-3]) ** 2)
     pose, some = Pose(0.1, 0.0, kinematics.root, (0.0, 0.0)), np.zeros(3)
-    registration = Registration(pose, np.eye(4), 0.0, law, some, some, pose)
+    registration = Registration(pose, np.eye(4), law, some, some, pose)
     bend = final_bend(kinematics, 1.02) - final_bend(kinematics, 1.0)
     runs = (
         (input_of("pressure"), 3e-5, bend, 0.0),
@@ -51,7 +51,8 @@ def case(tmp_path_factory):
         Effect(of, b, d, pd.DataFrame({"circulation": [c] * 3, "x": 0.0, "y": 0.0}))
         for of, c, b, d in runs
     ]
-    return Comparison(kinematics, registration, 0.02, None, effects)
+    paired = SimpleNamespace(piv=SimpleNamespace(pairing="1-2,3-4"), folder=Path("recording"))
+    return Comparison(paired, kinematics, registration, 0.02, None, effects)
 
 
 def input_of(name):
@@ -198,6 +199,6 @@ def test_a_rate_is_told_from_a_stroke_of_another_duration(case, speed, stretch, 
     assert made.all_water == (constant and pytest.approx(constant, abs=0.01))
     if refused:
         with pytest.raises(ValueError, match=f"dpiv.toml: frame_rate_hz is {refused}"):
-            check_rate(made, True, PATH)
+            check_rate(made)
     else:
-        check_rate(made, True, PATH)
+        check_rate(made)
