@@ -61,10 +61,3 @@ def test_a_second_finger_is_the_mirror_image(kinematics):
     outlines, bends = pair.fingers("outline", 1e4), pair.fingers("bend", 1e4)
     assert np.allclose(outlines[1], outlines[0] * [-1, 1])
     assert bends[0] == bends[1]
-
-
-def test_pose_there_and_back():
-    pose = Pose(1 / 3.9, -0.3, (0.01, 0.24), (200.0, 400.0))
-    points = np.random.default_rng(1).uniform(-0.1, 0.3, (20, 2))
-    assert np.allclose(pose.to_tank(pose.to_px(points)), points)
-    assert np.allclose(pose.from_camera(pose.to_camera(points)), points)

@@ -24,6 +24,9 @@ def written(folder: Path, text: str) -> Path:
     return folder
 
 
+OF_PICTURES = (
+    "finger_length_std_mm root_hidden_mm light_from_deg colour axes.root_px piv.pairing piv.every"
+)
 REQUIRED = "files frame_rate_hz start scale axes finger_geometry finger_length_std_mm piv"
 
 
@@ -49,27 +52,19 @@ def test_what_is_missing_or_contradicts_is_refused(tmp_path, text, old, new, mes
 
 
 @pytest.mark.parametrize(
-    "text, key, value",
+    "text, key",
     [
-        (WHOLE, "axes.root_mm", "[20.0, 15.0]"),
-        (WHOLE, "axes.root_std_mm", "0.3"),
-        (WHOLE, "vectors", "{ std_px = 0.1 }"),
-        (OF_VECTORS, "finger_length_std_mm", "0.1"),
-        (OF_VECTORS, "root_hidden_mm", "1.0"),
-        (OF_VECTORS, "light_from_deg", "90.0"),
-        (OF_VECTORS, "colour", '"luma"'),
-        (OF_VECTORS, "axes.root_px", "[640.0, 950.0]"),
-        (OF_VECTORS, "piv.pairing", '"1-2,2-3"'),
-        (OF_VECTORS, "piv.every", "2"),
+        *((WHOLE, key) for key in ("axes.root_mm", "axes.root_std_mm", "vectors")),
+        *((OF_VECTORS, key) for key in OF_PICTURES.split()),
     ],
 )
-def test_keys_of_the_other_kind_are_refused(tmp_path, text, key, value):
+def test_keys_of_the_other_kind_are_refused(tmp_path, text, key):
+    """Whatever their value, beside which pydantic may have more to say."""
     table, _, name = key.rpartition(".")
-    old, new = (f"{table} = {{", f"{table} = {{ {name} = {value},") if table else ("title", name)
-    line = new if table else f"{name} = {value}\ntitle"
+    old, new = (f"{table} = {{", f"{table} = {{ {name} = 1,") if table else ("title", f"{name} = 1")
     kind = read_dpiv(written(tmp_path, text)).kind
-    with pytest.raises(ValueError, match=f": {key} is not of {kind}: leave it out$"):
-        read_dpiv(written(tmp_path, text.replace(old, line)))
+    with pytest.raises(ValueError, match=f"{key} is not of {kind}: leave it out(;|$)"):
+        read_dpiv(written(tmp_path, text.replace(old, new if table else f"{new}\ntitle")))
 
 
 def test_all_that_is_missing_is_asked_for_at_once(tmp_path):

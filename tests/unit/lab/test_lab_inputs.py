@@ -28,14 +28,12 @@ def case(tmp_path):
     return folder, scene_numbers(StageFiles(load_scene(folder, "smoke")))
 
 
-def changed_by(case, of):
-    """The scene of a run beside the nominal one."""
-    return load_scene(case[0], "smoke", of.overrides(case[1]), case[0] / of.name)
-
-
 def test_each_run_changes_one_number(case):
     nominal = load_scene(case[0], "smoke")
-    changed = {of.name: changed_by(case, of) for of in read_inputs(CASE)}
+    changed = {
+        of.name: load_scene(case[0], "smoke", of.overrides(case[1]), case[0] / of.name)
+        for of in read_inputs(CASE)
+    }
     assert changed["pressure"].motion.strokes[0].pressure_kpa == pytest.approx(21.0)
     assert changed["duration"].motion.strokes[0].duration == pytest.approx(0.44)
     for part in ("mesh", "numerics", "finger", "camera"):
@@ -62,10 +60,6 @@ def test_a_number_of_a_table_or_of_a_level_is_changed(case, key, step):
     for name in key.split("."):
         value = value[name]
     assert asked(key, step).overrides(case[1]) == {key: value + step}
-    run = changed_by(case, asked(key, step))
-    for name in key.split("."):
-        run = getattr(run, name)
-    assert run == pytest.approx(value + step)
 
 
 @pytest.mark.parametrize(

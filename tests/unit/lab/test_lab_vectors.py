@@ -1,6 +1,5 @@
 """Vectors and pictures come back through a dpiv.toml, with what it states of them."""
 
-import cv2
 import numpy as np
 import pytest
 import xarray as xr
@@ -87,12 +86,6 @@ def frames() -> np.ndarray:
     return np.random.default_rng(4).integers(0, 255, (COUNT, ROWS, COLUMNS), np.uint8)
 
 
-def images(folder, data) -> str:
-    for k, image in enumerate(data):
-        cv2.imwrite(str(folder / f"frame_{k + 8}.tif"), image)  # 8 … 13: by number, not by letter
-    return "frame_*.tif"
-
-
 def recording(folder, data) -> str:
     attrs = {"frame_rate_hz": RATE, "bits": 8}
     with RecordingWriter(folder / "a.h5", (ROWS, COLUMNS), np.uint8, COUNT, attrs) as writer:
@@ -111,21 +104,18 @@ def opened(
     return LabRecording(read_dpiv(state(folder, PICTURES | more)))
 
 
-@pytest.mark.parametrize("write", [images, recording])
-def test_frames_and_times(tmp_path, write):
+@pytest.mark.parametrize(
+    "rate, piv, times",
+    [
+        (RATE, '"1-2,2-3"', np.arange(COUNT) / RATE),
+        (50.0, '"1-2,3-4", interval_s = 0.002', [0.0, 0.002, 0.02, 0.022, 0.04, 0.042]),
+    ],
+)
+def test_frames_and_times(tmp_path, rate, piv, times):
     data = frames()
-    pictures = opened(tmp_path, write(tmp_path, data))
-    assert len(pictures) == COUNT
-    np.testing.assert_allclose(pictures.times, np.arange(COUNT) / RATE)
-    for k in range(COUNT):
-        assert np.array_equal(pictures.frame(k), data[k])
-    pictures.close()
-
-
-def test_pairs_have_their_own_interval(tmp_path):
-    files = images(tmp_path, frames())
-    pictures = opened(tmp_path, files, 50.0, '"1-2,3-4", interval_s = 0.001')
-    np.testing.assert_allclose(pictures.times, [0.0, 0.001, 0.02, 0.021, 0.04, 0.041])
+    pictures = opened(tmp_path, recording(tmp_path, data), rate, piv)
+    np.testing.assert_allclose(pictures.times, times)
+    assert all(np.array_equal(pictures.frame(k), data[k]) for k in range(COUNT))
 
 
 def test_a_rate_that_contradicts_the_camera_is_refused(tmp_path):
@@ -135,6 +125,6 @@ def test_a_rate_that_contradicts_the_camera_is_refused(tmp_path):
 
 def test_mirrored_pictures_are_turned_back(tmp_path):
     data = frames()
-    pictures = opened(tmp_path, images(tmp_path, data), x="left")
+    pictures = opened(tmp_path, recording(tmp_path, data), x="left")
     assert np.array_equal(pictures.frame(0), data[0][:, ::-1])
     assert pictures.turned((20.0, 4.0)) == (COLUMNS - 21.0, 4.0)
