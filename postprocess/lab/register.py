@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -68,7 +67,7 @@ LAW_ABOUT = np.array([0.02, 3e-3, 0.02])
 STRETCHES = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0, 3.5, 6.0, 10.0)
 SCALES = (0.5, 0.7, 1, 1.4, 2)
 WRONG = 3.0  # factor of a duration, either way, that no stroke differs by
-DELAYS, GROWN_PX = 140, -3.0
+DELAYS, GROWN_PX = 60, -3.0
 MIRRORED = 1.3  # times the evidence, from which the finger bends to the other side
 
 
@@ -258,34 +257,28 @@ def _beginning(frames: Frames, shapes: Shapes, state: np.ndarray, delay_std: flo
 
     StageError where the finger bends to the other side.
     """
-    span, lasts = float(np.ptp(frames.times)), float(np.ptp(shapes.kinematics.time))
-
+    grid = np.meshgrid(STRETCHES, SCALES, np.linspace(0, 1, DELAYS), indexing="ij")
+    stretch, scale, part = (values.ravel() for values in grid)
+    low, high = np.multiply(delay_std, (-2, 2))
     if np.isinf(delay_std):
-        middle, reach = float(frames.times[0]), np.array([-lasts, span])
-    else:
-        middle, reach = 0.0, 2 * delay_std * np.array([-1.0, 1.0])
-
-    def best(of: Shapes) -> tuple[float, np.ndarray]:
-        found = (-np.inf, state)
-        for stretch, scale in product(STRETCHES, SCALES):
-            tried = np.tile(state, (DELAYS, 1))
-            low = reach[0] * (stretch if np.isinf(delay_std) else 1.0)
-            tried[:, DELAY] += middle + np.linspace(low, reach[1], DELAYS)
-            tried[:, GROWTH], tried[:, LAW.stop - 1] = GROWN_PX, stretch
-            tried[:, SCALE] -= np.log(scale)
-            scores = of.scores(frames, tried, of.places(frames.times, tried[:, LAW])).sum(axis=1)
-            k = int(np.argmax(scores))
-            found = max(found, (float(scores[k]), tried[k]), key=lambda one: one[0])
-        return found
-
-    (evidence, first), (other, _) = best(shapes), best(shapes.mirrored())
-    if other > MIRRORED * max(evidence, 0.0):
+        low = frames.times[0] - np.ptp(shapes.kinematics.time) * stretch
+        high = frames.times[0] + np.ptp(frames.times)
+    tried = np.tile(state, (part.size, 1))
+    tried[:, DELAY] += low + part * (high - low)
+    tried[:, GROWTH], tried[:, LAW.stop - 1] = GROWN_PX, stretch
+    tried[:, SCALE] -= np.log(scale)
+    places = shapes.places(frames.times, tried[:, LAW])
+    ours, other = (
+        of.scores(frames, tried, places).sum(axis=1) for of in (shapes, shapes.mirrored())
+    )
+    if other.max() > MIRRORED * max(ours.max(), 0.0):
         raise StageError(
             "the finger bends to the other side than the simulation's: the pictures are mirrored;"
             ' correct axes.x in dpiv.toml ("left" where it is "right")'
         )
+    first = tried[np.argmax(ours)]
     first[GROWTH] = 0.0
-    return first
+    return np.asarray(first)
 
 
 def register(fit: Fit, kinematics: Kinematics, known: Known) -> Registration:

@@ -22,10 +22,8 @@ from tests.lab_scene import CASE
 @pytest.fixture
 def case(tmp_path):
     """A scene that extends single_finger, and its numbers."""
-    folder = tmp_path / "cases" / "finger"
-    folder.mkdir(parents=True)
-    (folder / "scene.toml").write_text(f'extends = "{CASE}"\n')
-    return folder, scene_numbers(StageFiles(load_scene(folder, "smoke")))
+    (tmp_path / "scene.toml").write_text(f'extends = "{CASE}"\n')
+    return tmp_path, scene_numbers(StageFiles(load_scene(tmp_path, "smoke")))
 
 
 def test_each_run_changes_one_number(case):
@@ -70,10 +68,6 @@ def test_a_key_that_is_no_number_of_the_scene_is_refused(case, key):
         asked(key).overrides(case[1])
 
 
-def test_a_scene_that_states_no_inputs_has_none(tmp_path):
-    assert read_inputs(tmp_path) == ()
-
-
 SOUND = 'format = "inputs"\nformat_version = 2\n'
 INPUT = "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'"
 
@@ -88,6 +82,7 @@ INPUT = "[[input]]\nname = 'a'\nkey = 'b.c'\nstep = 0\nlimit = 1\nreason = 'r'"
     ],
 )
 def test_bad_files_are_one_sentence(tmp_path, text, message):
+    assert read_inputs(tmp_path) == ()  # without a file
     (tmp_path / "reference").mkdir()
     (tmp_path / "reference" / "inputs.toml").write_text(text)
     with pytest.raises(ValueError, match=message):
@@ -125,11 +120,7 @@ def test_the_largest_error_of_the_windows_that_are_compared_counts(tmp_path):
     assert late == pytest.approx({"circulation": LOST * UNIFORM, "centre": 0.20 * UNIFORM})
     assert level_uncertainty(windows, "coarse", (0.41, 0.5))["circulation"] == 0.03 * UNIFORM
     assert level_uncertainty(windows, "fine", (0.1, 0.2)) == {}
-
-
-def test_levels_are_named_from_the_coarsest_on(tmp_path):
-    """So that the first one that decides is the cheapest; about_tip is no level."""
-    windows = level_windows([scene(tmp_path)], "draft", False)
+    # the first one that decides is the cheapest; about_tip is no level
     assert list(windows["run"].unique()) == ["smoke", "draft", "coarse"]
 
 
