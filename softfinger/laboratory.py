@@ -18,7 +18,7 @@ from piv.files.provenance import versions
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles, scene_numbers
 from postprocess.lab.causes import check_fit, draw_fit
-from postprocess.lab.dpiv_toml import NAME, Dpiv, Start, read_dpiv
+from postprocess.lab.dpiv_toml import NAME, Dpiv, read_dpiv
 from postprocess.lab.flow import quantities, series, with_flow
 from postprocess.lab.inputs import level_uncertainty, level_windows, read_inputs
 from postprocess.lab.motion import (
@@ -31,14 +31,8 @@ from postprocess.lab.motion import (
     stroke_duration,
     with_speeds,
 )
-from postprocess.lab.recorded import LabRecording, lab_vectors, recording_quality, stated_pose
-from postprocess.lab.register import (
-    Known,
-    Registration,
-    fit_pictures,
-    register,
-    stated_registration,
-)
+from postprocess.lab.recorded import LabRecording, known_of, lab_vectors, recording_quality
+from postprocess.lab.register import Registration, fit_pictures, register, stated_registration
 from postprocess.lab.validation import joint_level, judged, repeated, verdicts
 from postprocess.lab.virtual_experiment import both_sides
 from postprocess.report.trust import level_error
@@ -184,19 +178,9 @@ def registered(dpiv: Dpiv, kinematics: Kinematics, refused: Path) -> tuple[Regis
         step = float(plane["x"][1] - plane["x"][0])
         corners = places + np.array([[-step], [step]])
         return registration, registration.pose.view(corners, MARGIN)
-    path, light = dpiv.folder / NAME, dpiv.light_from_deg
+    path = dpiv.folder / NAME
     with LabRecording(dpiv) as recording:
-        known = Known(
-            stated_pose(dpiv, recording, kinematics.root),
-            dpiv.scale.std_percent / 100,
-            turn_std=float(np.radians(dpiv.axes.turn_std_deg)),
-            delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
-            paired=dpiv.piv.pairing == "1-2,3-4",
-            hidden=dpiv.root_hidden_mm * 1e-3,
-            light_from=None if light is None else float(np.radians(light)),
-            length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
-            place=recording.turned,
-        )
+        known = known_of(dpiv, recording, kinematics)
         try:
             fit = fit_pictures(recording, recording.times, kinematics, known, SEED)
         except StageError as error:

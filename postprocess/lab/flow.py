@@ -292,19 +292,20 @@ def run_sources(case: Comparison, columns: list[str], rows: np.ndarray) -> list[
     seen = recorded_bend(case)
     own = () if seen is None else ("pressure", "duration")
     sources = [
-        Source(e.of.name, "input", e.std(columns, rows), e.of.how)
+        # by the change's RMS, since its sign may change
+        Source(e.of.name, "input", e.of.per_change * e.changes(columns, rows)[0], e.of.how)
         for e in case.effects
         if e.of.name not in own
     ]
     if seen is None:
         for e in case.effects if case.bend_std else ():
             if e.of.name == "pressure":
-                std = np.abs(e.moves(columns, rows)) * case.bend_std / abs(e.bend)
+                std = np.abs(e.changes(columns, rows)[1]) * case.bend_std / abs(e.bend)
                 how = "FEA's band, by the pressure's run"
                 sources.append(Source("geometry and material", "input", std, how))
         return sources
     run, _, share_std = seen
-    std = np.abs(run.moves(columns, rows)) * share_std
+    std = np.abs(run.changes(columns, rows)[1]) * share_std
     sources.append(Source("pressure as recorded", "data", std, POSTERIOR))
     law, direct = case.registration.law, case.measured["direct"]
     around = 1 + law.std("stretch") / law.values[2] * np.array([-1.0, 1.0])

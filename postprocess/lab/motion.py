@@ -55,16 +55,11 @@ class Effect:
     duration: float
     table: pd.DataFrame | None = None
 
-    def moves(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
-        """Mean change of `columns` over the instants `rows`, (component,)."""
-        assert self.table is not None
-        return self.table.loc[rows, columns].mean().to_numpy(float)
-
-    def std(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
-        """Standard uncertainty of that mean, by the change's RMS: its sign may change."""
+    def changes(self, columns: list[str], rows: np.ndarray) -> np.ndarray:
+        """RMS and mean of the change of `columns` over the instants `rows`, (2, component)."""
         assert self.table is not None
         change = self.table.loc[rows, columns].to_numpy(float)
-        return self.of.per_change * np.sqrt(np.mean(change**2, axis=0))
+        return np.array([np.sqrt(np.mean(change**2, axis=0)), change.mean(axis=0)])
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from pipeline.formats.kinematics import Kinematics
 from piv.files.errors import StageError
 from piv.formats.plane_series import MASKED, read_plane, usable
 from piv.images.calibration import Calibration, calibrate_plane, load_calibration, rectify_image
 from piv.images.open_recording import open_recording
 from piv.images.recording import Recording
-from postprocess.lab.dpiv_toml import NAME, Dpiv
+from postprocess.lab.dpiv_toml import NAME, Dpiv, Start
 from postprocess.lab.pose import Pose
-from postprocess.lab.register import Registration
+from postprocess.lab.register import Known, Registration
 
 
 class LabRecording(Recording):
@@ -60,13 +61,23 @@ class LabRecording(Recording):
         self._source.close()
 
 
-def stated_pose(dpiv: Dpiv, recording: LabRecording, root: tuple[float, float]) -> Pose:
-    """The stated pose of pictures."""
+def known_of(dpiv: Dpiv, recording: LabRecording, kinematics: Kinematics) -> Known:
+    """What is stated of the set-up of pictures."""
+    light, scale = dpiv.light_from_deg, (recording.calibration or dpiv.scale).scale_mm_per_px
     assert dpiv.axes.root_px is not None
-    scale = (recording.calibration or dpiv.scale).scale_mm_per_px
     assert scale is not None
-    turn = float(np.radians(dpiv.axes.turn_deg))
-    return Pose(scale, turn, root, recording.turned(dpiv.axes.root_px))
+    at, turn = recording.turned(dpiv.axes.root_px), float(np.radians(dpiv.axes.turn_deg))
+    return Known(
+        Pose(scale, turn, kinematics.root, at),
+        dpiv.scale.std_percent / 100,
+        turn_std=float(np.radians(dpiv.axes.turn_std_deg)),
+        delay=(-dpiv.start.at_s, dpiv.start.std_s) if isinstance(dpiv.start, Start) else None,
+        paired=dpiv.piv.pairing == "1-2,3-4",
+        hidden=dpiv.root_hidden_mm * 1e-3,
+        light_from=None if light is None else float(np.radians(light)),
+        length_std=(dpiv.finger_length_std_mm or 0.0) * 1e-3 / kinematics.length,
+        place=recording.turned,
+    )
 
 
 def recording_quality(

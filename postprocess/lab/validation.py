@@ -131,11 +131,8 @@ def repeated(repeats: list[ValidatedQuantity]) -> ValidatedQuantity:
     seen = np.var([q.error for q in repeats], axis=0, ddof=1)
     excess = np.sqrt(np.maximum(seen - own, 0.0) / n)
     sources.append(Source("repeats", "data", excess, f"of E from repeat to repeat, n = {n}"))
-    means = {
-        name: np.mean([getattr(q, name) for q in repeats], axis=0)
-        for name in ("simulation", "data")
-    }
-    return replace(first, **means, sources=sources)
+    both = np.mean([(q.simulation, q.data) for q in repeats], axis=0)
+    return replace(first, simulation=both[0], data=both[1], sources=sources)
 
 
 def judged(q: ValidatedQuantity, level: float = LEVEL) -> dict[str, Any]:
