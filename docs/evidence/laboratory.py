@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import shapely
 import xarray as xr
+from scipy.spatial import cKDTree
 
 from docs.evidence.lab_renderer import Faults, Filmed
 from pipeline.formats.kinematics import read_kinematics
@@ -45,6 +46,7 @@ RATE, INTERVAL = 50.0, 0.002
 COMMIT = subprocess.check_output(["git", "describe", "--always", "--dirty"], text=True).strip()
 KEYS = ["seed", "scene", "level", "coupled"]  # of a row
 NAMES = ("x_px", "y_px", "turn", "scale", "factor", "delay")
+WALL = 2e-4  # m between points of the wall
 BLEND = 6e-3  # m from the wall over which a gain sets in: water sticks to it
 TOML = """format = "dpiv"
 format_version = 4
@@ -169,9 +171,9 @@ def flow_of(nominal: Run, of: Scenario) -> tuple[Run, xr.Dataset]:
 
 def stronger(flow: xr.Dataset, gain: float) -> xr.Dataset:
     """A flow with a gain away from the wall."""
-    points = shapely.points(*np.meshgrid(flow["x"].values, flow["y"].values))
-    bodies = [shapely.MultiPolygon([shapely.Polygon(p) for p in o]) for o in flow["outline"].values]
-    away = np.stack([shapely.distance(body, points) for body in bodies])
+    points = np.stack(np.meshgrid(flow["x"].values, flow["y"].values), axis=-1)
+    walls = [shapely.segmentize(shapely.linearrings(o), WALL) for o in flow["outline"].values]
+    away = np.stack([cKDTree(shapely.get_coordinates(one)).query(points)[0] for one in walls])
     factor = 1 + gain * (1 - np.exp(-((away / BLEND) ** 2)))
     return flow.assign({n: flow[n] * factor for n in ("u", "v")})
 
