@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.formats.kinematics import counter_clockwise
+from postprocess.lab.outline_profile import dense
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.silhouette import integral_image
 from tests.lab_scene import finger_kinematics, inside_sum, vortex_series
@@ -14,13 +15,6 @@ from tests.lab_scene import finger_kinematics, inside_sum, vortex_series
 @pytest.fixture(scope="module")
 def kinematics(tmp_path_factory):
     return finger_kinematics(tmp_path_factory.mktemp("lab"))
-
-
-def dense(corners, pieces=50):
-    """A polygon with its sides cut in pieces."""
-    sides = zip(corners, np.roll(corners, -1, 0), strict=True)
-    lines = [np.linspace(a, b, pieces, endpoint=False) for a, b in sides]
-    return counter_clockwise(np.vstack(lines))
 
 
 @pytest.mark.parametrize("mean", [0.0, -0.15])
@@ -32,8 +26,9 @@ def test_inside_sum_does_not_see_what_lies_outside(mean):
     image[:, :96] = -rng.poisson(0.3, (200, 96))
     image[:, 125:] = -rng.poisson(0.3, (200, 115))
     integral = integral_image(image, mean).astype(np.float32)
-    for pieces in (4, 13, 90):  # however the sides are cut
-        assert abs(inside_sum(integral, dense(corners, pieces), mean)) < 0.05
+    for per_px in (0.02, 0.1, 1):  # however the sides are cut
+        outline = dense(counter_clockwise(corners), per_px)[0]
+        assert abs(inside_sum(integral, outline, mean)) < 0.05
 
 
 def test_camera_planes_turn_positions_and_vectors(kinematics):

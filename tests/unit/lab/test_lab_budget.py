@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from postprocess.lab.fit_outline import pose_of, state_of
-from postprocess.lab.flow import (
-    excess_scatter,
-    independent_instants,
-    place_jacobian,
-)
+from postprocess.lab.flow import excess_scatter, independent_instants, place_jacobian
 from postprocess.lab.pose import Pose
 from postprocess.lab.register import Fit, Known, register
 from postprocess.lab.validation import (
