@@ -18,12 +18,7 @@ from piv.formats.plane_series import read_plane, usable
 from piv.vortices.table import tabulate_vortices
 from postprocess.evidence import tip_vortex as tracks
 from postprocess.lab.inputs import level_uncertainty
-from postprocess.lab.motion import (
-    Comparison,
-    motion_quantities,
-    recorded_bend,
-    stroke_duration,
-)
+from postprocess.lab.motion import Comparison, motion_quantities, recorded_bend, stroke_duration
 from postprocess.lab.pose import Pose, camera_series
 from postprocess.lab.validation import LEVEL_ERROR, POSTERIOR, Source, ValidatedQuantity
 from postprocess.lab.virtual_experiment import Sides, at_duration

@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 
 from docs.evidence.lab_renderer import Faults, Rendered
-from postprocess.lab.causes import (
-    check_fit,
-    draw_fit,
-    motion_causes,
-    outline_causes,
-    stated_causes,
-)
+from postprocess.lab.causes import check_fit, draw_fit, motion_causes, outline_causes, stated_causes
 from postprocess.lab.fit_outline import law_pressure, law_through, shapes_of, state_of
 from postprocess.lab.outline_profile import outline_profile, seen_outlines
 from postprocess.lab.pose import Pose
