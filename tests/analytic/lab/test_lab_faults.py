@@ -222,8 +222,7 @@ def test_an_outline_of_another_thickness_is_named(kinematics, edge_px, change):
 
 
 @pytest.mark.parametrize(
-    "dropped, lag, jumped",
-    [(1, 0.0, True), (2, 0.0, True), (0, 0.0, False), (0, 0.03, False)],
+    "dropped, lag, jumped", [(1, 0.0, True), (2, 0.0, True), (0, 0.0, False), (0, 0.03, False)]
 )
 def test_a_jump_of_the_clock_is_told_from_a_smooth_lag(kinematics, dropped, lag, jumped):
     """42 pictures 10 ms apart, known to 0.3 % of the range; hysteresis makes a smooth lag."""
