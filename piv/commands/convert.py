@@ -9,7 +9,7 @@ import xarray as xr
 
 from piv.fields.summary import summary
 from piv.files.settings import at_least, positive
-from piv.foreign.read import READERS, read_vectors
+from piv.foreign.read import read_vectors
 from piv.foreign.write import write_vectors
 from piv.formats.plane_series import OUTLIER, VECTORS
 from piv.images.clock import INTERVAL_HELP, RATE_HELP
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help=".h5, .nc (pivpy), .csv, .mat, .vti",
+        help=".h5 or .nc (the same), .csv, .mat, .vti",
     )
     add_reading(parser)
     for name in ("u", "v"):
@@ -40,9 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Options of how other programs' vectors are read."""
-    parser.add_argument(
-        "--from", dest="kind", choices=READERS, help="format, where suffix and head do not tell"
-    )
     parser.add_argument("--length-unit", help="m, cm, mm, um or px, where the file does not say")
     parser.add_argument(
         "--velocity-unit", help="m/s, mm/s, px/frame, ..., where the file does not say"
@@ -66,7 +63,6 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
 def reading(args: argparse.Namespace) -> dict[str, Any]:
     """Those options as `read_vectors` takes them."""
     return {
-        "kind": args.kind,
         "rate": args.rate,
         "zero_is_absent": args.zero_is_absent,
         "length_unit": args.length_unit,

@@ -13,17 +13,16 @@ from numpy import ndarray
 from piv.files.json_text import natural_key
 from piv.foreign.davis import read_davis
 from piv.foreign.pivlab import read_pivlab
-from piv.foreign.pivpy import read_pivpy
 from piv.foreign.text_files import read_text
 from piv.foreign.vectors import Vectors
 from piv.formats.plane_series import checked, make_plane, read_plane, units_of
 from piv.images.calibration import Calibration, calibrate_plane
 
-_SUFFIXES = {
-    "text": (".txt", ".csv", ".dat", ".tec", ".plt", ".vec"), "pivlab": (".mat",),
-    "davis": (".vc7", ".vec7"), "pivpy": (".nc",), "plane": (".h5",),
+_PLANES = (".h5", ".nc")  # files of this project
+_READ = {
+    **dict.fromkeys((".txt", ".csv", ".dat", ".tec", ".plt", ".vec"), read_text),
+    **dict.fromkeys((".vc7", ".vec7"), read_davis), ".mat": read_pivlab,
 }  # fmt: skip
-READERS = tuple(_SUFFIXES)
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 # what a file states or the caller: the known words, None for numbers
 _OPTIONS: dict[str, list[str] | None] = {
@@ -124,7 +123,6 @@ def _agreed(name: str, own: Mapping[str, Any], units: Mapping[str, Any]) -> dict
 def read_vectors(
     paths: str | Path | Sequence[str | Path],
     *,
-    kind: str | None = None,
     rate: float | None = None,
     zero_is_absent: bool = False,
     assumed: Mapping[str, Any] | None = None,
@@ -137,8 +135,6 @@ def read_vectors(
     paths
         One name, or those of a series, one instant each. Files of this project stay as they are but
         for vectors in px, which scale and interval take to SI.
-    kind
-        text, pivlab, davis, pivpy or plane, where the suffix does not tell.
     rate
         Instants per second, where the files hold no times.
     zero_is_absent
@@ -171,18 +167,15 @@ def read_vectors(
     files = [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
     if not files:
         raise ValueError("name at least one file of vectors")
-    kinds = {kind or kind_of(p) for p in files}
-    if len(kinds) > 1:
-        raise ValueError(f"vector files of several kinds: {', '.join(sorted(kinds))}")
-    kind = kinds.pop()
-    if kind not in READERS:
-        raise ValueError(f"unknown format {kind!r}; known are {', '.join(READERS)}")
-    if kind in ("plane", "pivpy") and len(files) > 1:
-        raise ValueError(f"{files[1]}: a second file of a series; give one, which holds it whole")
     for path in files:
+        if path.suffix.lower() not in (*_PLANES, *_READ):
+            known = " ".join((*_PLANES, *_READ))
+            raise ValueError(f"{path}: unknown kind of vector file; known are {known}")
+        if path.suffix.lower() in _PLANES and len(files) > 1:
+            raise ValueError(f"{path}: one of several, but it may be a series; give it alone")
         if not path.is_file():
             raise FileNotFoundError(f"{path}: no such file")
-    if kind == "plane":
+    if files[0].suffix.lower() in _PLANES:
         if zero_is_absent:
             raise ValueError(f"{files[0]}: `zero_is_absent` is of other programs' files")
         plane = checked(read_plane(files[0]), files[0])
@@ -191,7 +184,7 @@ def read_vectors(
     planes, names, times = [], [], []
     known = {n: v for n, v in (assumed or {}).items() if n != "rate" and units.get(n) is None}
     for path in files:
-        for vectors in _READ[kind](path):
+        for vectors in _READ[path.suffix.lower()](path):
             if zero_is_absent:
                 vectors.flag[(vectors.u == 0) & (vectors.v == 0)] = 2
             lacks = {n: v for n, v in known.items() if getattr(vectors, n) is None}
@@ -218,19 +211,6 @@ def read_vectors(
     series["time"].attrs["units"] = unit
     series = series.assign_attrs(attrs)
     return in_px(series, unit) if pixels else series
-
-
-_READ = {"text": read_text, "pivlab": read_pivlab, "davis": read_davis, "pivpy": read_pivpy}
-
-
-def kind_of(path: Path) -> str:
-    """Name of the reader for a file by its suffix; ValueError where it is unknown."""
-    for kind, suffixes in _SUFFIXES.items():
-        if path.suffix.lower() in suffixes:
-            return kind
-    raise ValueError(
-        f"{path}: unknown kind of vector file; name it with `kind` ({', '.join(READERS)})"
-    )
 
 
 def _times(
@@ -293,7 +273,7 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     Parameters
     ----------
     path
-        .h5, or a file that `read_vectors` takes without options.
+        .h5, .nc, or a file that `read_vectors` takes without options.
 
     Returns
     -------
@@ -316,9 +296,9 @@ def open_vectors(path: str | Path) -> xr.Dataset:
     if not path.is_file():
         kind = "is a folder; give a file" if path.is_dir() else "no such file"
         raise FileNotFoundError(f"{path}: {kind}")
-    if path.suffix.lower() == ".h5":
+    if path.suffix.lower() in _PLANES:
         return read_plane(path)
-    if not any(path.suffix.lower() in suffixes for suffixes in _SUFFIXES.values()):
+    if path.suffix.lower() not in _READ:
         raise ValueError(
             f"{path}: no file of vectors; piv convert makes one of other programs' files, piv "
             "correlate of images"

@@ -9,12 +9,11 @@ from scipy.io import savemat
 
 from piv.files.atomic import whole, write_text
 from piv.files.errors import one_line
-from piv.foreign.pivpy import write_pivpy
 from piv.formats.plane_series import check_plane, fields_of, write_plane
 
 
 def write_vectors(plane: xr.Dataset, path: str | Path) -> list[Path]:
-    """Write a plane or series by suffix: .h5, .nc (pivpy), .csv, .mat, .vti.
+    """Write a plane or series by suffix: .h5 or .nc (the same), .csv, .mat, .vti.
 
     Every format holds every field. A series as .vti is one file per instant, numbered, and a .pvd
     of their times.
@@ -124,6 +123,6 @@ def _write_mat(plane: xr.Dataset, path: Path) -> None:
 
 
 _WRITERS = {
-    ".h5": write_plane, ".nc": write_pivpy, ".csv": _write_csv, ".mat": _write_mat,
+    ".h5": write_plane, ".nc": write_plane, ".csv": _write_csv, ".mat": _write_mat,
     ".vti": _write_vti,
 }  # fmt: skip

@@ -87,7 +87,7 @@ def _vortex(
 ) -> Vortex:
     """A vortex of its region and fit, with the circulation that does not depend on the scale.
 
-    Of one `at_edge` only what is seen is told.
+    Of one `at_edge` what is seen is told, and its fit where its region is within the plane.
     """
     m, std = r.measures, r.std
     whole = fit[2], fit[6], np.nan
@@ -97,9 +97,12 @@ def _vortex(
         within = round_contour(plane, circle(m.x, m.y, radius))
         whole = whole if np.isnan(within.circulation) else (*within[:2], radius)
     circulation, circulation_std, within_radius = (float(q) for q in whole)
-    if _to_edge(plane, m.x, m.y) < np.nanmax([disc, m.radius, within_radius]):
-        seen = m.x, m.y, np.nan, np.nan, m.radius, m.peak_vorticity, np.nan, disc
-        return Vortex(*seen, *[np.nan] * 18, at_edge=True)
+    to_edge = _to_edge(plane, m.x, m.y)
+    if to_edge < np.nanmax([disc, m.radius, within_radius]):
+        if to_edge < m.radius or not np.isnan(within_radius):  # a fit needs no circle, but a region
+            circulation, circulation_std, fit = np.nan, np.nan, (np.nan,) * 9
+        seen = m.x, m.y, circulation, np.nan, m.radius, m.peak_vorticity, np.nan, disc
+        return Vortex(*seen, np.nan, np.nan, circulation_std, *[np.nan] * 6, *fit, at_edge=True)
     return Vortex(
         *(m.x, m.y, circulation, within_radius, m.radius, m.peak_vorticity, m.circulation, disc),
         *(std.x, std.y, circulation_std, std.radius, std.peak_vorticity, std.circulation),

@@ -10,7 +10,13 @@ import numpy as np
 from numpy import ndarray
 
 from piv.compiled import compiled
-from piv.vortices.lamb_oseen_fit import Fit, VelocitySamples, fit_vortices, velocities
+from piv.vortices.lamb_oseen_fit import (
+    PEAK_SWIRL,
+    Fit,
+    VelocitySamples,
+    fit_vortices,
+    velocities,
+)
 from piv.vortices.region_errors import OF_PIV
 from piv.vortices.region_measures import Plane
 from piv.vortices.settings import VortexSettings
@@ -42,6 +48,9 @@ UNHIDDEN = 0.95
 # of the difference from the next smaller disc, which tells how far PIV's vortex is from
 # Lamb-Oseen's: a standard error
 DISCS_DIFFER = 0.8
+# errors of circulation and core by PIV's smoothing over the vectors' uncertainty, and core radii
+# over the distance of shared errors between which they rise from nothing
+OF_DAMPING, DAMPED = np.array([1.4, 1.0]), (0.9, 1.15)
 POINTS_PER_CORE = 8
 # passes of the fit over all vortices: neighbours and fit discs converge to 1e-3 within three
 SWEEPS = 3
@@ -62,14 +71,28 @@ def fit_regions(p: Plane, regions: ndarray, s: VortexSettings) -> list[tuple[flo
     if not at_once:
         fits = _significant(_fit_all(p, _parameters(fits), s, SWEEPS), s)
     of = {tuple(f.region): f.fit for f in fits}
-    alike = 0.0 if p.noise is None else OF_PIV
-    return [_numbers(of[tuple(r)], alike) if tuple(r) in of else None for r in regions]
+    return [_numbers(p, of[tuple(r)]) if tuple(r) in of else None for r in regions]
 
 
-def _numbers(fit: Fit, alike: float) -> tuple[float, ...]:
+def _numbers(p: Plane, fit: Fit) -> tuple[float, ...]:
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[:4], 0.0))
-    std[2] = np.hypot(std[2], alike * fit.vortices[0, 2])
+    if p.noise is not None:
+        std[2:] = np.hypot(std[2:], _alike(p, p.noise, fit) * fit.vortices[0, 2:])
     return (*fit.vortices[0].tolist(), *std.tolist(), float(fit.explained))
+
+
+def _alike(p: Plane, noise: tuple[ndarray, ndarray], fit: Fit) -> ndarray:
+    """Relative standard errors of circulation and core by what errs alike all round the vortex.
+
+    PIV damps what does not rise above its noise. Of a core wider than its windows that is a part of
+    the swirl, up to the vectors' own uncertainty.
+    """
+    x, y, circulation, a = fit.vortices[0]
+    near = p.valid & (np.hypot(p.x - x, p.y[:, None] - y) < 2 * a)
+    wide = np.interp(a / p.correlated, DAMPED, (0, 1)) if p.correlated > max(p.step) else 0.0
+    level = np.sqrt(np.mean([n[near] ** 2 for n in noise])) if near.any() else 0.0
+    swirl = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
+    return np.hypot([OF_PIV, 0.0], OF_DAMPING * wide * level / swirl)
 
 
 def _parameters(fits: list[Fitted]) -> ndarray:

@@ -19,7 +19,8 @@ class Vortex:
     `explained` is the part of the vectors' variance that it explains.
 
     `at_edge`: a circle that it is measured within reaches beyond the plane. Its place, radius and
-    peak are those of the part that is seen; all other measures are NaN.
+    peak are those of the part that is seen, its circulation and fit are told where its region lies
+    within the plane; all other measures are NaN.
     """
 
     x: float

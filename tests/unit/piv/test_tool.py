@@ -5,11 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from piv.files import command
-from piv.foreign.read import in_px, open_vectors, read_vectors
-from piv.foreign.write import write_vectors
+from piv.foreign.read import in_px, open_vectors
 from piv.formats.plane_series import make_plane, write_plane
 from piv.vortices.lamb_oseen_fit import lamb_oseen
 from tests.piv_command import made, piv
@@ -45,38 +43,6 @@ def test_pictures_and_vortices(series, tmp_path, capsys):
     told = capsys.readouterr().out
     assert "3 vortices in 1 track; the strongest has a circulation of 600 ± " in told
     assert "px²/frame in all, by a Lamb-Oseen fit" in told
-
-
-@pytest.mark.parametrize("falling", [False, True])
-def test_files_of_pivpy(tmp_path, falling):
-    plane = series_px()
-    ours = plane[["u", "v", "valid"]].rename(time="t", valid="chc").transpose("y", "x", "t")
-    theirs = xr.Dataset({n: (d.dims, d.values.astype(float)) for n, d in ours.variables.items()})
-    for n in ("x", "y", "u", "v"):
-        theirs[n].attrs["units"] = "pix"
-    theirs = theirs.isel(y=slice(None, None, -1)) if falling else theirs
-    theirs.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    # pivpy calls whatever it reads "pix": that states nothing
-    told = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "up"}
-    for name in told:
-        with pytest.raises(ValueError, match=f"`{name}`"):
-            read_vectors([tmp_path / "a.nc"], **{n: v for n, v in told.items() if n != name})
-    back = read_vectors([tmp_path / "a.nc"], **told)
-    np.testing.assert_allclose(back["u"], plane["u"])
-    np.testing.assert_array_equal(back["y"], plane["y"])
-    assert back["time"].attrs["units"] == "frame"
-
-
-def test_pivpy_opens_ours_and_we_open_its(tmp_path):
-    io = pytest.importorskip("pivpy.io", reason="pivpy is not installed: pip install pivpy")
-    plane = series_px()
-    write_vectors(plane, tmp_path / "a.nc")
-    theirs = io.read_piv(tmp_path / "a.nc")
-    np.testing.assert_allclose(theirs["u"].transpose("t", "y", "x"), plane["u"])
-    np.testing.assert_array_equal(theirs["chc"].transpose("t", "y", "x"), plane["valid"])
-    io.save_piv(theirs, tmp_path / "b.nc", format="nc")
-    told = {"length_unit": "px", "velocity_unit": "px/frame", "y_axis": "up"}
-    np.testing.assert_allclose(read_vectors([tmp_path / "b.nc"], **told)["v"], plane["v"])
 
 
 def test_calibrated_vectors_are_summed_up(series, tmp_path, capsys):
