@@ -169,8 +169,8 @@ def read_vectors(
         raise ValueError("name at least one file of vectors")
     for path in files:
         if path.suffix.lower() not in (*_PLANES, *_READ):
-            known = " ".join((*_PLANES, *_READ))
-            raise ValueError(f"{path}: unknown kind of vector file; known are {known}")
+            named = " ".join((*_PLANES, *_READ))
+            raise ValueError(f"{path}: unknown kind of vector file; known are {named}")
         if path.suffix.lower() in _PLANES and len(files) > 1:
             raise ValueError(f"{path}: one of several, but it may be a series; give it alone")
         if not path.is_file():
