@@ -50,7 +50,7 @@ UNHIDDEN = 0.95
 DISCS_DIFFER = 0.8
 # errors of circulation and core by PIV's smoothing over the vectors' uncertainty, and core radii
 # over the distance of shared errors between which they rise from nothing
-OF_DAMPING, DAMPED = np.array([1.4, 1.0]), (0.9, 1.15)
+OF_DAMPING, DAMPED = (1.4, 1.0), (0.9, 1.15)
 POINTS_PER_CORE = 8
 # passes of the fit over all vortices: neighbours and fit discs converge to 1e-3 within three
 SWEEPS = 3
@@ -92,7 +92,7 @@ def _alike(p: Plane, noise: tuple[ndarray, ndarray], fit: Fit) -> ndarray:
     wide = np.interp(a / p.correlated, DAMPED, (0, 1)) if p.correlated > max(p.step) else 0.0
     level = np.sqrt(np.mean([n[near] ** 2 for n in noise])) if near.any() else 0.0
     swirl = PEAK_SWIRL * abs(circulation) / (2 * np.pi * a)
-    return np.hypot([OF_PIV, 0.0], OF_DAMPING * wide * level / swirl)
+    return np.hypot([OF_PIV, 0.0], np.array(OF_DAMPING) * wide * level / swirl)
 
 
 def _parameters(fits: list[Fitted]) -> ndarray:
