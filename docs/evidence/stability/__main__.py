@@ -2,7 +2,7 @@
 
 The runs are studies of one axis at a time and of corners, whose rows may fail. Each ends
 completed, refused beforehand, or stopped by a guard; any other ending gives exit code 1. So does a
-run that is wrong without a warning.
+drawn run that is wrong without a warning.
 """
 
 import argparse
@@ -13,8 +13,8 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from docs.evidence.stability import drawn, finer, images, page
-from docs.evidence.stability.solver import read_plans
+from docs.evidence.stability import drawn, images, page
+from docs.evidence.stability.solver import read_plans, result
 from pipeline.openfoam.environment import foam_version
 from piv.files.command import guarded
 from piv.files.provenance import versions
@@ -24,21 +24,20 @@ from softfinger.study.table import origin
 
 PLAN = "cases/{}/out/studies/{}/plan.json"
 DRAWN = Path(PLAN.format("single_finger", "drawn"))
-STUDIES = ("stability", "stability_finer")
-PLANS = [[Path(PLAN.format(name, study)) for name in finer.SCENES] for study in STUDIES]
+PLANS = [Path(PLAN.format(name, "stability")) for name in ("single_finger", "pinch")]
 FOLDER = Path("docs/stability")
 PRESETS = ("fast", "balanced", "accurate")
 FINE = ("completed", "refused", "stopped", "wrong", "all flagged")  # wrong: with a warning
-JUDGED = ("error_peak", "error_impulse", "force_change", "unexplained_share", "warned")
 RUN_COLUMNS = (
     "scene", "axis", "value", "level", "ranks", "ended", "stage", "stopped_at_s", "bend_deg",
     "tip_speed", "tip_acceleration", "cells", "steps", "courant_max", "continuity_max",
     "non_orthogonality_deg", "work_J", "kinetic_J", "closure_fraction", "from_nothing_fraction",
-    "peak_force_N", "force_of_plate", *JUDGED, "cpu_s", "reason",
+    "peak_force_N", "force_of_plate", "cpu_s", "reason",
 )  # fmt: skip
 DRAWN_COLUMNS = (
     "run", "level", "numerics.time_step", "motion.strokes", "mesh.wall_cell", "ended",
-    *JUDGED[:4], "courant_max", "warned", "reason",
+    "error_peak", "error_impulse", "force_change", "unexplained_share", "courant_max", "warned",
+    "reason",
 )  # fmt: skip
 IMAGE_COLUMNS = ("axis", "value", "preset", "ended", "valid", "rms_px", "wrong_unflagged", "reason")
 
@@ -57,15 +56,14 @@ def judge(part: str | None) -> list[dict[str, Any]]:
     made = {"versions": {"OpenFOAM": foam_version()} | versions()}
     ended = list[dict[str, Any]]()
     if part in (None, "runs"):
-        plan, finer_plan = map(read_plans, PLANS)
-        finer_runs = finer.finer_runs(finer_plan)
-        ended = [finer.errors(run, finer_runs.get(run["run"])) for run in plan]
+        plan = read_plans(PLANS)
+        ended = [result(run) for run in plan]
         for row in ended:
             print(f"{row['run']:40s} {row['ended']:10s} {row['reason'][:120]}")
         table = pd.DataFrame(ended, columns=RUN_COLUMNS, dtype=object)
         write_table(FOLDER / "runs.csv", table, origin(plan) | made)
     if part in (None, "drawn"):
-        finer_runs = finer.finer_runs(plan := read_plans([DRAWN]))
+        finer_runs = drawn.finer_runs(plan := read_plans([DRAWN]))
         runs = [run for run in plan if run["run"] in finer_runs and outcome_is_there(run)]
         drawn_rows = [run | drawn.result(run, finer_runs[run["run"]]) for run in runs]
         table = pd.DataFrame(drawn_rows, columns=DRAWN_COLUMNS, dtype=object)

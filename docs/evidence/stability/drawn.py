@@ -4,6 +4,7 @@
 cases/single_finger/studies/drawn.csv. `softfinger study` makes its runs.
 """
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from docs.evidence.stability.finer import CELLS, FINER, STEP, WRONG, errors, write_study
+from docs.evidence.stability import solver
+from pipeline.formats.records import FORCES, RUN
+from pipeline.solve.guards import force_change
+from softfinger.study.outcome import outcome_is_there
 
 TABLE = Path("cases/single_finger/studies/drawn.csv")
 DRAWS = (("smoke", 41, 40), ("draft", 52, 12))  # level, seed, pairs
+WRONG = 0.2  # of peak force or impulse
+FINER = "_fine"  # end of the name of a finer run
+STEP, CELLS = 0.5, 2 / 3  # over those of the run
 _RESOLVED = 0.2  # change of the force below which the cells decide the error
 _VARIED = ("numerics.time_step", "motion.strokes", "mesh.wall_cell")
 # rates (Hz) at which both time steps (s) sample the sheet
@@ -54,9 +61,42 @@ def draw(level: str, seed: int, count: int) -> list[dict[str, Any]]:
     return rows
 
 
+def finer_runs(runs: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The finer runs among `runs` that have been made, by the name of the run that each judges."""
+    made = [run for run in runs if outcome_is_there(run)]
+    return {r["run"].removesuffix(FINER): r for r in made if r["run"].endswith(FINER)}
+
+
 def result(run: dict[str, Any], finer: dict[str, Any]) -> dict[str, Any]:
     """How a drawn run ended, with what was drawn; of a completed one its errors."""
-    return errors(run, finer) | {key: run["overrides"].get(key, "") for key in _VARIED}
+    about = solver.result(run) | {key: run["overrides"].get(key, "") for key in _VARIED}
+    if {about["ended"], solver.result(finer)["ended"]} != {"completed"}:
+        return about
+    record = RUN.read(_folder(run) / "run.json")
+    (force, peak, impulse), (_, true_peak, true_impulse) = _force(run), _force(finer)
+    found = {
+        "error_peak": abs(peak / true_peak - 1),
+        "error_impulse": float(np.hypot(*(impulse - true_impulse)) / np.hypot(*true_impulse)),
+    }
+    wrong, warned = max(found.values()) > WRONG, bool(record["power_balance"]["warning"])
+    return about | {
+        "ended": ("wrong" if warned else "UNWARNED") if wrong else "completed",
+        **{name: round(error, 3) for name, error in found.items()},
+        "force_change": round(force_change(force), 3),
+        "unexplained_share": round(record["power_balance"]["unexplained_share"], 3),
+        "warned": "yes" if warned else "no",
+    }
+
+
+def _folder(run: dict[str, Any]) -> Path:
+    return Path(run["out"]) / "run"
+
+
+def _force(run: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
+    """Force (step, axis) N of a run, its peak and its impulse (axis,) N s."""
+    table = FORCES.read(_folder(run) / "forces.csv")
+    force = table[["fx", "fy"]].to_numpy()
+    return force, float(np.hypot(*force.T).max()), np.trapezoid(force, table["time"], axis=0)
 
 
 def calibrated(table: pd.DataFrame) -> dict[str, float]:
@@ -93,7 +133,12 @@ def main() -> None:
     """Write the study's table anew."""
     rows = [row for draws in DRAWS for row in draw(*draws)]
     about = "Drawn runs, each with one at half the step and with finer cells, by"
-    write_study(TABLE, rows, f"{about} docs/evidence/stability/drawn.py.")
+    with TABLE.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# {about} docs/evidence/stability/drawn.py.\n")
+        columns = dict.fromkeys(key for row in rows for key in row)
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 if __name__ == "__main__":

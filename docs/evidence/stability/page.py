@@ -43,8 +43,8 @@ def write(folder: Path) -> None:
     endings = pd.DataFrame({"ending": ENDINGS.values()})
     for name in [name for name in tables if name != "faults"]:
         count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
-        if name == "runs" and "warned" not in tables[name]:
-            count |= dict.fromkeys(_JUDGED, "not judged")  # made before each run had a finer like
+        if name == "runs":
+            count |= dict.fromkeys(_JUDGED, "not judged")  # against finer ones, as drawn runs are
         endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())

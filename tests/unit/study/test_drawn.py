@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from docs.evidence.stability import drawn, finer
+from docs.evidence.stability import drawn
 from pipeline.formats.records import FORCES
 from pipeline.solve import guards
 from softfinger.study.rows import read_study
@@ -44,11 +44,11 @@ def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
         )
         runs.append({"run": name, "out": str(tmp_path / name), "overrides": {}})
     balance = {"warning": warning, "unexplained_share": 0.01}
-    monkeypatch.setattr(finer.solver, "result", lambda run: {"ended": "completed"})
+    monkeypatch.setattr(drawn.solver, "result", lambda run: {"ended": "completed"})
     monkeypatch.setattr(
-        finer, "RUN", type("", (), {"read": lambda path: {"power_balance": balance}})
+        drawn, "RUN", type("", (), {"read": lambda path: {"power_balance": balance}})
     )
-    found = finer.errors(*runs)
+    found = drawn.result(*runs)
     assert found["ended"] == ended
     assert found["error_peak"] == pytest.approx(factor - 1)
     assert found["error_impulse"] == pytest.approx(factor - 1)
@@ -60,7 +60,7 @@ def test_the_warning_of_the_time_step_is_as_drawn_runs_set_it():
     assert pytest.approx(found["factor"], rel=0.2) == guards._ERROR_OF_CHANGE
     # half of the error at which a wrong run would be missed: 1.4 times in the change of the force
     assert 0.5 * found["limit"] >= guards._WRONG
-    assert found["unwarned"] < finer.WRONG
+    assert found["unwarned"] < drawn.WRONG
 
 
 def test_rows_of_pairs_that_are_not_made_anew_stay_where_their_stages_are_the_same(tmp_path):
