@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -253,12 +253,6 @@ def openfoam() -> None:
     from pipeline.openfoam.environment import foam_version
 
     print(f"OpenFOAM {foam_version()}")
-
-
-@app.command
-def completion(shell: Literal["bash", "zsh", "fish"]) -> None:
-    """Print the completion of a shell: eval "$(softfinger completion bash)"."""
-    print(app.generate_completion(shell=shell))
 
 
 @app.command(show=False)

@@ -40,15 +40,11 @@ def add_style(parser: argparse.ArgumentParser) -> None:
         help="variable of the file (default vorticity)",
     )
     parser.add_argument("--streamlines", action="store_true", help="streamlines in place of arrows")
-    parser.add_argument("--title")
 
 
 def style_of(args: argparse.Namespace, limit: float | None) -> Style:
     """The style that the options ask for, with the end of the colour scale."""
-    return Style(
-        not args.metres, limit, args.arrow_every, args.title,
-        colour_by=args.colour_by, streamlines=args.streamlines,
-    )  # fmt: skip
+    return Style(not args.metres, limit, args.arrow_every, args.colour_by, args.streamlines)
 
 
 def run(args: argparse.Namespace) -> None:

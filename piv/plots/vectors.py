@@ -46,7 +46,6 @@ class Style:
     mm: bool = True
     vorticity_limit: float | None = None
     arrow_every: int | None = None
-    title: str | None = None
     colour_by: str = "vorticity"  # or a variable of the plane
     streamlines: bool = False  # in place of arrows
 
@@ -168,8 +167,8 @@ def draw(
             _mark(axes, vortices, factor)
         axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")
         axes.set(xlabel=f"$x$ ({shown})", ylabel=f"$y$ ({shown})")
-        title = style.title or ""
-        if not title and "time" in plane.coords and plane["time"].ndim == 0:
+        title = ""
+        if "time" in plane.coords and plane["time"].ndim == 0:
             title = f"$t$ = {float(plane['time']):.6g} {plane['time'].attrs.get('units', 's')}"
             title += ", no field" if absent(plane) else ""
         axes.set_title(title, loc="left", fontsize=9)

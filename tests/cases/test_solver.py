@@ -9,13 +9,13 @@ import pytest
 
 from pipeline.formats.mesh_intervals import read_planform
 from pipeline.openfoam.environment import foam_version
-from pipeline.openfoam.foamfile import is_complete, set_number
+from pipeline.openfoam.foamfile import set_number
 from pipeline.scene.scene import Scene, load_scene
 from pipeline.solve import interval as solver_interval
 from pipeline.solve import stage as run_stage
 from pipeline.solve.checkpoint import read_progress
 from piv.files.errors import StageError
-from tests.cases.conftest import copy_of, force_difference, killed_after, record, table
+from tests.cases.conftest import copy_of, force_difference, record, table
 from tests.conftest import meshes_of, prepare, write_scene
 
 pytestmark = pytest.mark.openfoam
@@ -119,22 +119,6 @@ def test_parallel_equals_serial_also_stopped_and_resumed(
     assert bool(record(stopped)["resumed"]) == RESUMES
     # early ends of the pressure's iterations; a mesh that loses its past would leave a tenth
     assert force_difference(parallel, stopped) < 1e-4
-
-
-def test_a_killed_run_resumes_and_ends_with_the_same_forces(tmp_path):
-    scene = short_scene(tmp_path / "straight")
-    killed = copy_of(scene, tmp_path / "killed")
-    run_stage.run(scene, quiet=True)
-    with killed_after(killed, "interval_0/0.02/uniform/time"):
-        pass
-    # an incomplete checkpoint must be noticed
-    fields = killed.out.glob("case/interval_0/0.*/U")
-    newest = max(fields, key=lambda path: float(path.parent.name))
-    newest.write_bytes(newest.read_bytes()[:-400])
-    assert not is_complete(newest)
-    run_stage.run(killed, quiet=True)
-    assert len(record(killed)["resumed"]) == 1
-    assert force_difference(scene, killed) < 1e-6
 
 
 @pytest.mark.usefixtures("few_cells")

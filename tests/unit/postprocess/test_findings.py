@@ -31,6 +31,7 @@ value = 1.5e-3
 reason = "Because."
 window = [0.25, 0.75]
 """
+ENTRY = GOOD[GOOD.index("[[finding]]") :]
 
 
 def write(tmp_path, text):
@@ -125,23 +126,14 @@ def test_single_finger_asks_for_what_the_project_promises():
         ("value = 1.5e-3", "value = 1.5e-3\ntolerance = -1", "tolerance: .* equal to 0"),
         ("format_version = 1", "format_version = 2", "format_version of this findings file is 2"),
         ('kind = "agreement"', "kind = agreement", "not valid TOML"),
+        (ENTRY, 2 * ENTRY, "occurs twice"),
+        (ENTRY, "", "at least one"),
     ],
 )
 def test_bad_entries_are_refused_in_one_sentence(tmp_path, old, new, message):
     with pytest.raises(ValueError, match=message) as caught:
         read_findings(write(tmp_path, GOOD.replace(old, new)), frozenset(QUANTITIES))
     assert "findings.toml" in str(caught.value)
-
-
-def test_an_id_may_not_occur_twice(tmp_path):
-    again = GOOD + GOOD.split("format_version = 1")[1]
-    with pytest.raises(ValueError, match="occurs twice"):
-        read_findings(write(tmp_path, again), frozenset(QUANTITIES))
-
-
-def test_an_empty_list_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="at least one"):
-        read_findings(write(tmp_path, GOOD.split("[[finding]]")[0]), frozenset(QUANTITIES))
 
 
 def test_what_was_measured_is_printed_in_words():

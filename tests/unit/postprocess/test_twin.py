@@ -184,23 +184,21 @@ def test_a_wrong_option_is_one_sentence_before_anything_is_fitted(tmp_path, more
     assert not (tmp_path / "twin").exists()
 
 
-def test_a_scene_that_uses_no_bending_states_is_refused(tmp_path):
-    """Its twin was written, and its runs would not have used what was fitted."""
-    (tmp_path / "scene.toml").write_text(
-        f'extends = "{CASES / "single_finger"}"\n[motion]\nsource = "paper_equations"\n'
-    )
-    with pytest.raises(StageError, match="'paper_equations' uses no bending states"):
-        identify(tmp_path, film=[tmp_path], pressure=[tmp_path], scale=MM, root="1,2")
+FEA = f'source = "fea"\nstates = "{CASES}/single_finger/kinematics/states.h5"\n'
 
 
-def test_a_scene_in_running_water_is_refused(tmp_path):
-    """Its current was left out of the fitted model without a word."""
-    (tmp_path / "scene.toml").write_text(
-        f'extends = "{CASES / "single_finger"}"\n[motion]\nsource = "fea"\n'
-        f'states = "{CASES / "single_finger" / "kinematics" / "states.h5"}"\n'
-        "[current]\nspeed = 0.05\n"
-    )
-    with pytest.raises(StageError, match=r"the water that is fitted rests, but \[current\]"):
+@pytest.mark.parametrize(
+    "motion, words",
+    [
+        ('source = "paper_equations"\n', "'paper_equations' uses no bending states"),
+        (f"{FEA}[current]\nspeed = 0.05\n", r"the water that is fitted rests, but \[current\]"),
+    ],
+)
+def test_a_scene_whose_runs_would_not_use_what_is_fitted_is_refused(tmp_path, motion, words):
+    """Its twin was written; a current was left out of the fitted model without a word."""
+    text = f'extends = "{CASES / "single_finger"}"\n[motion]\n{motion}'
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(StageError, match=words):
         identify(tmp_path, film=[tmp_path], pressure=[tmp_path], scale=MM, root="1,2")
 
 

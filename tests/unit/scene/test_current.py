@@ -116,19 +116,19 @@ def test_a_table_is_followed_without_overshoot_and_kept_after_it(tmp_path):
     assert stream.law(np.linspace(0, 0.2, 101)).max() <= 0.1 + 1e-12
 
 
-def test_a_table_in_another_unit_is_refused(tmp_path):
-    (tmp_path / "s").mkdir()
-    (tmp_path / "s" / "u.csv").write_text("t,u\n0,100\n1,200\n")
-    with pytest.raises(StageError, match=r"200 m/s.*u \[cm/s\]"):
-        scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'")
-
-
-@pytest.mark.parametrize("rows", ["5,0.1\n6,0.2", "-6,0.1\n-5,0.2"])
-def test_a_table_without_a_time_of_the_motion_is_refused(tmp_path, rows):
-    """Its first or last speed was taken for all of the run."""
+@pytest.mark.parametrize(
+    "rows, words",
+    [
+        ("0,100\n1,200", r"200 m/s.*u \[cm/s\]"),
+        # its first or last speed was taken for all of the run
+        ("5,0.1\n6,0.2", r"current.table = 'u.csv' has times from .* 0 to 0.42 s"),
+        ("-6,0.1\n-5,0.2", r"current.table = 'u.csv' has times from .* 0 to 0.42 s"),
+    ],
+)
+def test_a_table_in_another_unit_or_of_another_time_is_refused(tmp_path, rows, words):
     (tmp_path / "s").mkdir()
     (tmp_path / "s" / "u.csv").write_text(f"t,u\n{rows}\n")
-    with pytest.raises(StageError, match=r"current.table = 'u.csv' has times from .* 0 to 0.42 s"):
+    with pytest.raises(StageError, match=words):
         scene_of(tmp_path / "s", "[current]\ntable = 'u.csv'")
 
 
