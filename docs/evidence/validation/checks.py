@@ -62,10 +62,8 @@ class Result:
 
     name: str
     title: str
-    text: str  # the physics and how it is measured, in a few sentences
     checks: tuple[Check, ...]
     curves: dict[str, Any] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
 
 

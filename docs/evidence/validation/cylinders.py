@@ -4,7 +4,7 @@ import numpy as np
 
 from docs.evidence.validation.checks import Check, Result
 from docs.evidence.validation.solve import forces, law_and_body, provenance, reference
-from pipeline.kinematics.rigid_body import smooth_step, travelled
+from pipeline.kinematics.rigid_body import travelled
 from pipeline.scene.scene import Scene
 
 FIGURE_POINTS = 400
@@ -38,7 +38,10 @@ def morison(
 
 
 def oscillating(scene: Scene) -> Result:
-    """In-line force over the cycle, and Morison's coefficients, against Dütsch et al. (1998)."""
+    """In-line force over the last cycle, and Morison's coefficients: Dütsch et al. (1998).
+
+    x = −A sin(2πt/T), Re = UD/ν = 100, KC = UT/D = 5.
+    """
     ref, (law, body) = reference(scene.name), law_and_body(scene)
     history = forces(scene)
     omega = 2 * np.pi / law.period
@@ -78,17 +81,13 @@ def oscillating(scene: Scene) -> Result:
     shown = {"phase": phase, "force": cycle, "viscous": viscous, "fit": fit / top**2}
     curves = {name: values.tolist() for name, values in shown.items()}
     curves |= {f"reference_{name}": ref["force"][key] for name, key in NAMES}
-    text = (
-        "x = −A sin(2πt/T), Re = UD/ν = 100, KC = UT/D = 5; the last of four cycles. Force, phase"
-        " and fit as in the reference, whose points were digitised from its figure."
-    )
-    return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))
+    return Result(scene.name, scene.title, checks, curves, provenance=provenance(scene))
 
 
 def impulsive(scene: Scene) -> Result:
     """Drag coefficient over time against Koumoutsakos & Leonard (1995).
 
-    Time counts from the middle of the smooth start.
+    Time counts from the middle of the smooth start, so that the way is that of a sudden one.
     """
     ref, (law, body) = reference(scene.name)["drag"], law_and_body(scene)
     history = forces(scene)
@@ -96,37 +95,25 @@ def impulsive(scene: Scene) -> Result:
     scaled = law.rate * (history.time - (law.start + 0.5 * law.smoothing)) / radius
     unit = 0.5 * scene.fluid.density * law.rate**2 * body.diameter
     drag, friction = -history.fx / unit, -history.fx_viscous / unit
-    smooth = law.rate * law.smoothing / radius
     use = "a use: a third of the 10 % that the mesh may change the finger's force by"
     checks = tuple(
         Check(f"impulsive.{time:g}", f"C_D at T = Ut/R = {time:g}",
               float(np.interp(time, scaled, drag)), 0.03, "relative", use, value, ref["source"])
         for time, value in zip(ref["time"], ref["value"], strict=True)
     )  # fmt: skip
-    later = scaled > 0.5 * smooth
+    later = scaled > 0.5 * law.rate * law.smoothing / radius
     step = max(1, later.sum() // FIGURE_POINTS)
     shown = {"time": scaled, "drag": drag, "friction": friction}
     curves = {name: values[later][::step].tolist() for name, values in shown.items()}
     curves |= {"reference_time": ref["time"], "reference_drag": ref["value"]}
-    text = (
-        f"The speed rises to U over T = {smooth:g} by a smooth step (C2 is the project's rule for"
-        " motions); T counts from its middle, so that the way travelled afterwards is that of the"
-        " sudden start. A smooth start is felt while the layer at the wall remembers it: at"
-        f" T = 0.181 the drag would differ by about {_memory(0.181, smooth):.1%} from that of a"
-        " sudden one (theory of the thin layer), later by less."
-    )
-    return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))
-
-
-def _memory(time: float, smooth: float) -> float:
-    """Relative change of ∫ U̇/√(t−τ) dτ by a smooth step, `time` after its middle."""
-    x = (np.arange(4000) + 0.5) / 4000
-    weighted = smooth_step(x, 1) / np.sqrt(time - (x - 0.5) * smooth)
-    return float(np.mean(weighted) * np.sqrt(time) - 1)
+    return Result(scene.name, scene.title, checks, curves, provenance=provenance(scene))
 
 
 def accelerating(scene: Scene) -> Result:
-    """Force from rest: added mass ρπR² and the thin layer at the wall (Basset's history)."""
+    """Force from rest: added mass ρπR², less the thin layer at the wall (Stokes and Basset).
+
+    That of the layer is 4ρR√(πν) ∫ U̇/√(t−τ) dτ.
+    """
     law, body = law_and_body(scene)
     density, viscosity = scene.fluid.density, scene.fluid.kinematic_viscosity
     radius = 0.5 * body.diameter
@@ -159,13 +146,7 @@ def accelerating(scene: Scene) -> Result:
     mass_force = density * np.pi * radius**2 * now
     shown = {"time": history.time, "force": along, "layer": layer, "mass_force": mass_force}
     curves = {name: values.tolist() for name, values in shown.items()}
-    text = (
-        f"U = a t after a smooth begin, over {float(path.distance[-1] / body.diameter):.2g} D,"
-        " before the flow separates. From the force is taken off that of the thin layer at the"
-        " wall, 4ρR√(πν) ∫ U̇/√(t−τ) dτ (Stokes and Basset; at most"
-        f" {float(np.max(layer[steady] / along[steady])):.1%} of the force)."
-    )
-    return Result(scene.name, scene.title, text, checks, curves, provenance=provenance(scene))
+    return Result(scene.name, scene.title, checks, curves, provenance=provenance(scene))
 
 
 def history_integral(time: np.ndarray, rate: np.ndarray, now: float) -> float:

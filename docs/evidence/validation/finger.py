@@ -124,26 +124,6 @@ def curves_of(runs: list[Run], along: str) -> dict:
     return {**columns, "quantities": quantities}
 
 
-def sentence(runs: list[Run], estimates: dict[str, Estimate], level: str) -> str:
-    """Distance of a level from the extrapolated value, for a user."""
-    at = [r.level for r in runs].index(level)
-    e = estimates["circulation"]
-    gap = abs(runs[at].values["circulation"] / e.extrapolated - 1)
-    bound = float(e.uncertainty[at]) / abs(e.extrapolated)
-    within = f"At `{level}` Γ is within {gap:.1%} of the extrapolated value"
-    return f"{within} (uncertainty {bound:.1%})."
-
-
-def finest_orders(runs: list[Run]) -> str:
-    """Observed orders of the three finest grids alone, of runs from coarse to fine."""
-    finest, parts = series(runs[-3:], "cell"), []
-    for name in ("dorsal", "circulation", "peak_force"):
-        order = finest[name].order
-        text = "no single order" if order is None else f"{order:.2g}"
-        parts.append(f"{text} of the {' '.join(QUANTITIES[name].split()[-2:])}")
-    return f"Observed orders of the three finest grids alone: {', '.join(parts)}."
-
-
 def two_dimensional() -> Result:
     """Grids and time steps of the 2-D finger."""
     grids, steps = (
@@ -154,17 +134,9 @@ def two_dimensional() -> Result:
         *checks_of(grids, "cell", "g071", "finger_2d.grid", "(grid)"),
         *checks_of(steps, "time_step", "g100", "finger_2d.step", "(time step)"),
     ]
-    remarks = (
-        sentence(grids, series(grids, "cell"), "g071"),
-        "Time step: " + sentence(steps, series(steps, "time_step"), "g100"),
-    )
-    text = (
-        "Level smoke's planform with every size times 1.41, 1, 0.71 and 0.5 at a time step of 1"
-        " ms, and steps of 2 to 0.25 ms on the second grid. Representative cell √(area / cells)."
-    )
     curves = {"grid": curves_of(grids, "cell"), "step": curves_of(steps, "time_step")}
     origin = _provenance(scene)
-    return Result("finger_2d", scene.title, text, tuple(checks), curves, remarks, origin)
+    return Result("finger_2d", scene.title, tuple(checks), curves, origin)
 
 
 def _family(folder: Path) -> list[Scene]:
@@ -193,18 +165,8 @@ def three_dimensional(folder: Path) -> Result | None:
     checks = []
     for level in [known for known in JUDGED if known in levels]:
         checks += checks_of(runs, "cell", level, f"finger.{level}", "(grid)", JUDGED[level])
-    text = (
-        f"{folder.name} at its levels {', '.join(levels)}: a family of grids whose sizes all"
-        f" shrink by 2/3, all at {1e3 * runs[0].time_step:g} ms and to"
-        f" {scenes[0].motion.end_time:g} s. Circulation and centre are means from"
-        f" {window[0]:.3f} to {window[1]:.3f} s, the middle half of the stroke; of"
-        " the dorsal side's, the part that is not prescribed. Representative cell"
-        " ∛(volume / cells)."
-    )
-    estimates = series(runs, "cell")
-    remarks = (*(sentence(runs, estimates, level) for level in levels), finest_orders(runs))
     curves, title = {"grid": curves_of(runs, "cell")}, f"Grid convergence of {folder.name}"
-    return Result("finger", title, text, tuple(checks), curves, remarks, _provenance(scenes[0]))
+    return Result("finger", title, tuple(checks), curves, _provenance(scenes[0]))
 
 
 def _provenance(scene: Scene) -> dict:

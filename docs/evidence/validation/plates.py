@@ -27,7 +27,6 @@ class _Shed:
     """
 
     time: float
-    way: float
     circulation: float
     centroid: tuple[float, float]
     core: tuple[float, float]
@@ -92,7 +91,7 @@ def _shed(scene: Scene, time: float, way: float, sheet: Path, wall: Path, within
     strength = omega[mine] * area[mine]
     total = float(strength.sum())
     middle = strength @ centres[mine, :2] / total
-    return _Shed(time, way, -total, tuple(edge - middle), tuple(edge - core))
+    return _Shed(time, -total, tuple(edge - middle), tuple(edge - core))
 
 
 def _history(scene: Scene) -> list[_Shed]:
@@ -141,31 +140,11 @@ def measure(scene: Scene) -> Result:
             ("centroid", "the distance of the shed vorticity's centroid", centroid, distance),
         )
     )  # fmt: skip
-    curves = {"time": time, "way": np.array([r.way for r in rows]) / chord}
-    curves |= {"circulation": gamma / (law.rate * last**m * chord)}
+    curves = {"time": time, "circulation": gamma / (law.rate * last**m * chord)}
     curves |= {"core": core / chord, "centroid": centroid / chord}
     curves = {name: value.tolist() for name, value in curves.items()}
     curves |= {"from": first, "to": last, "wanted": wanted}
-    half = np.sqrt(first * last)
-    local = []
-    for part in ((first, half), (half, last)):
-        local.append(f"{_exponent(time, gamma, *part):.2f}, {_exponent(time, core, *part):.2f}")
-    begin = int(np.argmax(time >= first))
-    layer = float(np.sqrt(scene.fluid.kinematic_viscosity * time[begin]) / core[begin])
-    remarks = (
-        "Local exponents (circulation, core) of the first and the last half of the decade:"
-        f" {local[0]}; {local[1]}.",
-        f"Where the decade begins the core is {core[begin] / body.thickness:.2g} thicknesses of the"
-        f" plate from the edge, and the layer at the wall, √(νt), is {layer:.0%} of that distance.",
-    )
-    text = (
-        f"U ∝ t^{m:g}. The shed circulation is the vorticity that leaves the edge and does not"
-        " reattach: that of the edge's sign behind the plate, outboard of where the flow"
-        f" reattaches. The decade, {first:g} s < t < {last:g} s, ends where the plate has gone"
-        f" {np.interp(last, time, curves['way']):.2g} chords; the core is"
-        f" {np.interp(last, time, core) / chord:.2g} chords from the edge there."
-    )
-    return Result(scene.name, scene.title, text, checks, curves, remarks, provenance(scene))
+    return Result(scene.name, scene.title, checks, curves, provenance(scene))
 
 
 def _exponent(time: np.ndarray, value: np.ndarray, first: float, last: float) -> float:

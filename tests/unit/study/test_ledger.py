@@ -36,8 +36,8 @@ def test_a_check_without_reference_cannot_be_relative():
 def test_the_ledger_lists_every_check_and_the_missed_ones(tmp_path):
     curves = {"time": [0.1, 0.2], "drag": [1.0, 0.9], "friction": [0.5, 0.4]}
     curves |= {"reference_time": [0.15], "reference_drag": [1.0]}
-    good = Result("impulsive_cylinder", "Title one", "Text.", (check(2.0),), curves)
-    bad = Result("finger", "Title two", "Text.", (check(3.0, unit="m"),), remarks=("A remark.",))
+    good = Result("impulsive_cylinder", "Title one", (check(2.0),), curves)
+    bad = Result("finger", "Title two", (check(3.0, unit="m"),))
     for result in (good, bad):
         write_result(result, tmp_path / f"{result.name}.json")
     assert write_ledger(tmp_path) == 1
