@@ -63,8 +63,7 @@ PARTS = {
     ),
     "images": Part(((*_PY, "docs.evidence.stability", "--part", "images"),)),
     "coupling": Part(
-        (_study("single_finger/coupling"), _study("pinch/contact"),
-         (*_PY, "docs.evidence.coupling")),
+        (_study("pinch/contact"), (*_PY, "docs.evidence.coupling")),
     ),
     "faults": Part(((*_PY, "docs.evidence.faults"),)),
     "piv": Part(tuple((*_PY, "docs.evidence.piv", name) for name in _OWN_PIV)),
