@@ -48,6 +48,16 @@ def test_a_table_of_a_laboratory_is_read(tmp_path: Path, content: bytes) -> None
 
 
 @pytest.mark.parametrize(
+    "kind, column, factor",
+    [("place", "x [cm]", 1e-2), ("place", "x [mm]", 1e-3), ("speed", "u [mm/s]", 1e-3),
+     ("pressure", "p [hPa]", 100), ("pressure", "p [bar]", 1e5)],
+)  # fmt: skip
+def test_units_of_a_header_are_those_of_the_values(tmp_path, kind, column, factor) -> None:
+    (tmp_path / "a.csv").write_text(f"t,{column}\n0,0\n1,2\n")
+    assert read_history(tmp_path / "a.csv", kind, 2)[1] == pytest.approx([0, 2 * factor])
+
+
+@pytest.mark.parametrize(
     "content, words",
     [
         (joined("t;p", "0;0", "1;10,000"), "the comma of '10,000' may be a decimal comma or sep"),

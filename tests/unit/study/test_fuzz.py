@@ -12,7 +12,6 @@ from piv.files import hdf5
 from piv.files.hdf5 import check_hdf5
 from tests.fuzz_mutate import damaged
 from tests.fuzz_scenes import count_outcomes
-from tests.fuzz_strangers import count_folders, count_tables
 from tests.fuzz_targets import TARGETS, check, named
 
 INPUTS = int(os.environ.get("FUZZ", "15"))
@@ -60,14 +59,3 @@ def test_drawn_scenes_are_accepted_or_refused_in_one_sentence():
     assert counts["refused"] > 10
     # 15 in 100 are accepted (docs/stability.md); every new key changes the drawn scenes
     assert counts["accepted"] + counts["warned"] > 0
-
-
-def test_tables_of_strangers_are_read_as_meant_or_refused_in_one_sentence(tmp_path):
-    outcomes = count_tables(max(60, INPUTS), 57_000, tmp_path)
-    assert min(outcomes["read"], outcomes["refused"]) > 10
-
-
-def test_folders_of_strangers_touch_no_file_outside(tmp_path):
-    """Records, links, pipes and names; FUZZ makes more than these eight of them."""
-    outcomes = count_folders(INPUTS if "FUZZ" in os.environ else 8, 57_000, tmp_path)
-    assert min(outcomes["made"], outcomes["refused"]) > 0
