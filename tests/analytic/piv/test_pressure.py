@@ -96,8 +96,10 @@ def test_pressure_of_an_exact_flow_with_noise(flow: Callable) -> None:
         assert np.mean(known[np.isfinite(exact)]) > 0.98  # beside the body no vector need have one
         errors.append(np.sqrt(np.mean(off[known] ** 2)) / np.nanstd(exact))
         covered.append(np.mean(np.abs(off[known]) < 1.96 * found["p_std"][known]))
+        # a share of p is systematic: 3.2 to 4.5 times the errors here
+        assert np.sqrt(np.mean(found["p_std"][known] ** 2)) < 5 * errors[-1] * np.nanstd(exact)
     assert max(errors) < 0.05  # 2.8 and 2.7 % here; 5 % is what a user is promised
-    assert np.mean(covered) > 0.88  # too wide is no fault here: a share of p is systematic
+    assert np.mean(covered) > 0.88
 
 
 @pytest.mark.parametrize("flow", [vortex, cylinder])

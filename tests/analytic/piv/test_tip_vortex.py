@@ -6,6 +6,8 @@ import pytest
 from piv.formats.plane_series import make_plane
 from piv.vortices.find import find_vortices
 from piv.vortices.lamb_oseen_fit import lamb_oseen
+from piv.vortices.region_measures import Criteria
+from piv.vortices.regions import _basins, _stands_out
 from tests.tip_scene import HALF_WIDTH, tip_scene, young_scene
 
 
@@ -64,13 +66,55 @@ def test_a_round_vortex_that_is_strained_more_than_it_turns_is_found_and_a_sheet
     axis = np.arange(-0.03, 0.03, 0.5e-3)
     x, y = np.meshgrid(axis, axis)
     core, scale = 5e-3, 2e-3
-    u, v = lamb_oseen(x, y, 2e-3, -1e-3, 0.01, core)
+    vortex, weak = (2e-3, -1e-3, 0.01, core), (0.018, 0.016, 0.0018, core)
     strain = 0.7 * 0.01 / (np.pi * core**2)  # over half of the vorticity: Q < 0 everywhere
-    found = find_vortices(make_plane(axis, axis, u + strain * x, v - strain * y), scale=scale)
-    assert len(found) == 1
+
+    def strained(*blobs, wall=-1.0, by=strain):
+        u, v = (sum(f) for f in zip(*(lamb_oseen(x, y, *blob) for blob in blobs), strict=True))
+        plane = make_plane(axis, axis, u + by * x, v - by * y, valid=x > wall)
+        return find_vortices(plane, scale=scale)
+
+    (found,) = strained(vortex)
     # exact but for the grid: the region's centroid, and the vorticity within the circle
-    assert np.hypot(found[0].x - 2e-3, found[0].y + 1e-3) < 0.01 * core
+    assert np.hypot(found.x - 2e-3, found.y + 1e-3) < 0.01 * core
     within = -np.expm1(-((3 * scale) ** 2) / (core**2 + 2 * scale**2)) * 0.01
-    assert found[0].circulation_disc == pytest.approx(within, rel=0.002)
+    assert found.circulation_disc == pytest.approx(within, rel=0.002)
+    # with less than a quarter of the plane's largest vorticity, or nearer to a wall than the scale
+    assert [len(strained(*blobs)) for blobs in ((vortex, weak), (weak,))] == [1, 1]
+    assert strained(vortex, wall=1e-3) == []
+    # cut by the plane's border
+    assert strained((-0.024, 0.0, 0.01, core)) == []
+    # three times as long as wide: what turns may be so long
+    row = [(s, 0.0, 0.003, 3.5e-3) for s in np.linspace(-8e-3, 8e-3, 9)]
+    assert [len(strained(*row, by=by)) for by in (0.0, strain)] == [1, 0]
     sheet = make_plane(axis, axis, -np.tanh(y / 3e-3) + 0.1 * np.sin(200 * x), 0 * y)
     assert find_vortices(sheet, scale=scale) == []
+
+
+def test_maxima_are_parted_where_their_saddle_is_low():
+    """Along the first row and column, too."""
+    heights = 0.01 * np.array([[9, 5, 8, 1], [7, 0, 0, 1], [6, 0, 3, 2], [5, 4, 1, 0]])
+    number, peaks = _basins(heights, heights > 0, 0.6)
+    # the saddle between 9 and 8 is 5, which is 0.625 of 8
+    assert len(set(number[heights > 0.04])) == 1
+    number, peaks = _basins(heights, heights > 0, 0.7)
+    assert number[0, 0] != number[0, 2]
+    assert sorted(peaks[np.unique(number[heights > 0.04])]) == [0.08, 0.09]
+    assert number[3, 0] == number[0, 0]
+    assert (number[heights == 0] == 0).all()
+    # where three meet, a point joins the highest neighbour of the two that become one
+    arms = np.zeros((5, 5))
+    arms[:, 2], arms[2, :2] = (9, 5, 4.9, 7, 8), (8.5, 6)
+    number, _ = _basins(arms, arms > 0, 0.6)
+    assert len(set(number[:, 2])) == 1
+    assert number[2, 1] == number[2, 0] != number[2, 2]
+
+
+@pytest.mark.parametrize("background, stands", [(0.6, True), (0.9, False)])
+def test_a_region_stands_out_where_its_edge_has_less(background, stands):
+    omega = np.full((9, 9), background)
+    mask = np.zeros(omega.shape, bool)
+    mask[3:6, 3:6] = True
+    omega[mask] = 1.1
+    c = Criteria(omega, omega, np.ones(omega.shape, bool))
+    assert _stands_out(c, mask, (1.0, 1.0), 1.0, 4.0) == stands

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from postprocess.lab.dpiv_toml import Start
 from postprocess.lab.fit_outline import pose_of, state_of
 from postprocess.lab.flow import excess_scatter, independent_instants, place_jacobian
 from postprocess.lab.pose import Pose
-from postprocess.lab.register import Fit, Known, register
+from postprocess.lab.register import MAX_FRAMES, Fit, Known, register, stated_registration
 from postprocess.lab.validation import (
     AGREES,
     DIFFERS,
@@ -121,6 +122,33 @@ def test_what_is_stated_sharpens_what_the_pictures_show(scale_std, length_std, s
     assert np.sqrt(registration.covariance[3, 3]) == pytest.approx(std, rel=0.02)
     assert registration.covariance[1, 1] == pytest.approx(0.1**2)
     assert registration.law.delay == pytest.approx(0.01)  # as well stated as seen
+
+
+def test_vectors_are_registered_as_stated():
+    axes = SimpleNamespace(x="left", root_mm=(30.0, 40.0), root_std_mm=0.5, turn_deg=90.0,
+                           turn_std_deg=1.8)  # fmt: skip
+    dpiv = SimpleNamespace(
+        axes=axes, start=Start(at_s=0.2, std_s=0.01), scale=SimpleNamespace(std_percent=1.0)
+    )
+    made = stated_registration(dpiv, SimpleNamespace(root=(0.0, 0.245)))
+    assert made.pose == Pose(1e3, np.pi / 2, (0.0, 0.245), (-0.03, 0.04))
+    stds = np.sqrt(np.diag(made.covariance))
+    np.testing.assert_allclose(stds, [5e-4, 5e-4, np.radians(1.8), 0.01])
+    assert made.times.size == made.pressures.size == 0
+    np.testing.assert_array_equal(made.law.values, [1.0, -0.2, 1.0])
+    np.testing.assert_array_equal(made.law.covariance, np.diag([0.0, 0.01**2, 0.0]))
+    told = made.summary()
+    assert (told["delay_ms"], told["delay_std_ms"]) == pytest.approx((-200, 10))
+    assert [*told["root_std_mm"], told["turn_deg"]] == pytest.approx([0.5, 0.5, 90])
+
+
+def test_of_pairs_the_first_pictures_are_chosen_from_the_first_to_the_last():
+    known = Known(Pose(1.0, 0.0, (0.0, 0.0), (0.0, 0.0)), 0.01)
+    np.testing.assert_array_equal(known.chosen(7), range(7))
+    np.testing.assert_array_equal(replace(known, paired=True).chosen(7), [0, 2, 4, 6])
+    many = known.chosen(1000)
+    assert (many[0], many[-1]) == (0, 999)
+    assert len(many) == MAX_FRAMES
 
 
 def test_scatter_that_the_vectors_do_not_know_is_found():
