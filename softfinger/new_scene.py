@@ -92,6 +92,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     scaled = {key: round(scale * getattr(actuator, key), 7) for key in _SECTION}
     actuator = actuator.model_copy(update=scaled | {"l2": scale * actuator.l2})
     _check_section(own, scale * shipped.finger.thickness, actuator.b1)
+    placed = _placed(own)
     times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
@@ -101,7 +102,16 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
         table = Path(place) / "pressure.csv"
         write_text(table, f"t,p\n{history}")
-        slower, period, coupled = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
+        try:
+            pace = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
+        except StageError:
+            low, high = pressure.min() / 1e3, pressure.max() / 1e3
+            raise StageError(
+                f"{own.pressure}: {low:g} to {high:g} kPa are more than a finger of the paper's"
+                f" cross-section and silicone bears, {1e3 * own.length:g} mm long; give smaller"
+                " pressures, in Pa"
+            ) from None
+        slower, period, coupled = pace
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -112,7 +122,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "smoothing": SMOOTHING,
         "title": folder.name.replace("_", " ").capitalize(),
         "tank": [float(x) for x in own.tank],
-        **_placed(own),
+        **placed,
         "length": own.length,
         "width": own.width,
         "chambers": chambers,

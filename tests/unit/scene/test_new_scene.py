@@ -149,12 +149,13 @@ def test_pressure_and_water_move_an_own_finger_unless_it_is_prescribed(tmp_path)
 @pytest.mark.parametrize(
     "change, words",
     [
-        ({"length": 0.22}, r"hangs? .* give a higher one, at least 278 mm"),
+        ({"length": 0.5}, r"hangs? .* give a higher one, at least 589 mm"),
         ({"length": 0.01}, r"--length: 10 mm is too little .* 14\.5 mm thick .* a smaller --thick"),
         ({"length": 0.01, "thickness": 0.006}, r"--length: .* 6 mm thick .* at least 12 mm"),
         ({"width": 0.004}, r"--width: 4 mm is too little .* side walls of 2 mm; give at least 5"),
         ({"width": 0.3}, r"finger\.width = 0\.3 m does not fit"),
         ({"rows": "t,p\n0,0\n0.5,15\n"}, "looks like kPa"),
+        ({"rows": "t,p\n0,0\n0.1,900000\n"}, "0 to 900 kPa are more than .* 50 mm long; give sma"),
         ({"rows": "t,p\n0,5000\n0.5,5000\n"}, "never changes"),
         ({"rows": "t,p\n0,0\n"}, "has 1 rows of 2 numbers"),
         ({"rows": "0,0\n"}, "at least 2 rows"),
