@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.kinematics.camera_window import TipPath, _travel, following, tip_path
+from pipeline.kinematics.camera_window import TipPath, _boxes, _travel, following, tip_path
 from pipeline.runs.run import open_run
 from pipeline.scene.limits import field_count
 from pipeline.scene.measurement import Vortices
@@ -128,6 +128,14 @@ def test_a_vortex_that_is_shed_earlier_goes_farther(tmp_path):
     assert travel[-1] == 0.0
     assert travel[time.searchsorted(0.1)] == pytest.approx(4.9e-3, rel=0.02)
     assert travel[0] == pytest.approx(1.5 * 4.9e-3, rel=0.02)
+
+
+def test_the_view_is_long_ahead_of_a_tip_that_does_not_turn_back(tmp_path):
+    scene = load_scene(write(tmp_path, "[finger]\nlength = 0.03\n"), "smoke")
+    way, far = np.array([[0.0, 0.2], [0.03, 0.2]]), np.full(2, 0.2)  # m
+    one, back = (_boxes(scene, TipPath(way, 0.5, turns, far, np.zeros(2)))[0] for turns in (0, 1))
+    # 0.8 lengths more to the right alone
+    assert one - back == pytest.approx(np.array([[0, 0], [0.8 * 0.03, 0]]), abs=1e-3)
 
 
 def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_path):
