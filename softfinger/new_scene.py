@@ -38,7 +38,9 @@ _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
 _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
-_PERIOD_STEPS, _FEWEST_PICTURES = 20, 100  # of a finger's vibration; of a run
+# of a finger's vibration and of the pressure's smoothing; of a run
+_PERIOD_STEPS, _FEWEST_PICTURES = 20, 100
+_MANY_STEPS = 1000  # of a run: one as long need not resolve the smoothing
 # of cells with the distance from the wall, as at coarse: without it those above a root that is near
 # the surface are so large that the flow makes circulation, 8 % of the tip vortex's
 _GRADING = 0.35
@@ -249,13 +251,15 @@ def _pace(
     """By how much times of the shipped scene are longer, a vibration's period (s), whether coupled.
 
     A power of two: the tip goes over as many cells in a step as that of the shipped scene or fewer;
-    a vibration and a run keep their least numbers of steps and pictures. `scale`: of the cells.
+    a vibration, the smoothing and a run keep their least numbers of steps and pictures. `scale`: of
+    the cells.
     """
     finger = _likely(own, shipped, chambers, end, scale)
     of_vibration = _steps(finger.period, shipped.numerics.time_step)
+    of_pressure = max(SMOOTHING / _PERIOD_STEPS, end / _MANY_STEPS) / shipped.numerics.time_step
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
     slower = NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
-    slower = min(slower, of_vibration, max(of_run, 1.0))
+    slower = min(slower, of_vibration, max(of_pressure, 1.0), max(of_run, 1.0))
     return _power(slower), finger.period, finger.known
 
 
