@@ -241,26 +241,26 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -
 
 
 def _steps(period: float, step: float) -> float:
-    """By how much a time step (s) of the shipped scene may be longer for a vibration's period."""
+    """By how much a time step (s) of the shipped scene may be longer for a period (s)."""
     return max(period / _PERIOD_STEPS / step, 1.0)
 
 
 def _pace(
     own: Own, shipped: Scene, chambers: int, end: float, scale: float
 ) -> tuple[float, float, bool]:
-    """By how much times of the shipped scene are longer, a vibration's period (s), whether coupled.
+    """By how much times of the shipped scene are longer, the shortest period (s), whether coupled.
 
     A power of two: the tip goes over as many cells in a step as that of the shipped scene or fewer;
-    a vibration, the smoothing and a run keep their least numbers of steps and pictures. `scale`: of
-    the cells.
+    the period and a run keep their least numbers of steps and pictures. The period is a vibration's
+    or the smoothing's. `scale`: of the cells.
     """
     finger = _likely(own, shipped, chambers, end, scale)
-    of_vibration = _steps(finger.period, shipped.numerics.time_step)
-    of_pressure = max(SMOOTHING / _PERIOD_STEPS, end / _MANY_STEPS) / shipped.numerics.time_step
+    period = min(finger.period, max(SMOOTHING, _PERIOD_STEPS * end / _MANY_STEPS))
+    of_period = _steps(period, shipped.numerics.time_step)
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
     slower = NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
-    slower = min(slower, of_vibration, max(of_pressure, 1.0), max(of_run, 1.0))
-    return _power(slower), finger.period, finger.known
+    slower = min(slower, of_period, max(of_run, 1.0))
+    return _power(slower), period, finger.known
 
 
 def _power(value: float) -> float:
@@ -273,7 +273,7 @@ def _of_levels(
 ) -> str:
     """Tables of levels: times as fast as the tip, cells for the thickness and a small tank.
 
-    `pace`: as of `_pace`; a vibration keeps its least number of steps at each level.
+    `pace`: as of `_pace`; the period keeps its least number of steps at each level.
     """
     slower, period = pace
     longer = end / slower / shipped.motion.end_time / _LONGER
