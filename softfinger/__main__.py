@@ -174,7 +174,8 @@ def new(
     names what it assumes. With extends alone it holds that line; with nothing all keys.
     """
     from piv.files.atomic import write_text
-    from softfinger.new_scene import PARENT, Own, advice, lengths, write_scene
+    from softfinger.lengths import lengths
+    from softfinger.new_scene import PARENT, Own, advice, write_scene
     from softfinger.scene_reference import scene_template
 
     if len(folder.parts) == 1 and Path("cases").is_dir():

@@ -2,7 +2,6 @@
 
 import math
 import os
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,7 +27,6 @@ from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 
 PARENT = Path("cases/single_finger")
-_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _FILLED = 0.9  # of the tank's height: the experiment's
 _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
@@ -65,22 +63,6 @@ class Own:
     pressure: Path
     tank: tuple[float, float, float]
     thickness: float | None = None
-
-
-def lengths(text: str, key: str, count: int, unit: str = "") -> tuple[float, ...]:
-    """Metres of a text such as "50mm" or "400x250x250"; `unit`: where it has none. StageError."""
-    numbers = "[x×]".join([r"([\d.]+)"] * count)
-    match = re.fullmatch(rf"\s*{numbers}\s*(mm|cm|m)?\s*", text)
-    *parts, given = match.groups() if match else ("",)
-    unit = given or unit
-    try:
-        values = tuple(float(part) * _UNITS[unit] for part in parts)
-    except (KeyError, ValueError):
-        values = ()
-    if not values or min(values) <= 0:
-        example = "400x250x250 (mm: length, height, depth)" if count > 1 else "50mm"
-        raise StageError(f"{key} {text}: give {example}")
-    return tuple(round(value, 9) for value in values)
 
 
 def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:

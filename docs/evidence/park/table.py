@@ -21,8 +21,9 @@ from pipeline.runs.run import Run
 from pipeline.runs.stages import STAGES
 from piv.files.atomic import write_text
 from piv.files.record import read_record
+from softfinger.lengths import lengths
 from softfinger.make import Machine, make
-from softfinger.new_scene import PARENT, Own, lengths, write_scene
+from softfinger.new_scene import PARENT, Own, write_scene
 from softfinger.options import open_moved
 
 TABLE = ROOT / "tests" / "park" / "scenes.toml"

@@ -10,7 +10,8 @@ from pipeline.scene.measurement import frames_apart
 from pipeline.scene.predicted import predicted
 from pipeline.scene.scene import load_scene
 from piv.files.errors import StageError
-from softfinger.new_scene import Own, advice, lengths, write_scene
+from softfinger.lengths import lengths
+from softfinger.new_scene import Own, advice, write_scene
 from tests.conftest import CASES
 
 PARENT = CASES / "single_finger"
