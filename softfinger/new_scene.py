@@ -38,7 +38,7 @@ _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 # of a finger's vibration and of the pressure's smoothing; of a run
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100
-_MANY_STEPS = 1000  # of a run: one as long need not resolve the smoothing
+_MOST_STEPS = 1000  # that a run may take to resolve the smoothing
 # of cells with the distance from the wall, as at coarse: without it those above a root that is near
 # the surface are so large that the flow makes circulation, 8 % of the tip vortex's
 _GRADING = 0.35
@@ -86,16 +86,17 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     with TemporaryDirectory() as place:  # from 0 s on, as the scene will have it
         table = Path(place) / "pressure.csv"
         write_text(table, f"t,p\n{history}")
+        likely = _likely(replace(own, pressure=table), shipped, chambers, end, scale)
         try:
-            pace = _pace(replace(own, pressure=table), shipped, chambers, end, scale)
+            speed = modelled_speed(likely, end)
         except StageError:
             low, high = pressure.min() / 1e3, pressure.max() / 1e3
             raise StageError(
-                f"{own.pressure}: {low:g} to {high:g} kPa are more than a finger of the paper's"
-                f" cross-section and silicone bears, {1e3 * own.length:g} mm long; give smaller"
+                f"{own.pressure}: at {low:g} to {high:g} kPa a finger of the paper's cross-section"
+                f" and silicone, {1e3 * own.length:g} mm long, finds no equilibrium; give smaller"
                 " pressures, in Pa"
             ) from None
-        slower, period, coupled = pace
+        slower, period = _pace(likely.period, speed / scale, shipped, end)
     end = _up(end, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -121,7 +122,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "low": pressure.min() / 1e3,
         "high": pressure.max() / 1e3,
         "end": round(end, 6),
-        "source_of_motion": "structure" if coupled else "fea",
+        "source_of_motion": "structure" if likely.known else "fea",
         "levels": _of_levels(own, shipped, (slower, period), scale, end),
     }
     written = [
@@ -227,22 +228,19 @@ def _steps(period: float, step: float) -> float:
     return max(period / _PERIOD_STEPS / step, 1.0)
 
 
-def _pace(
-    own: Own, shipped: Scene, chambers: int, end: float, scale: float
-) -> tuple[float, float, bool]:
-    """By how much times of the shipped scene are longer, the shortest period (s), whether coupled.
+def _pace(vibration: float, speed: float, shipped: Scene, end: float) -> tuple[float, float]:
+    """By how much times of the shipped scene are longer, and the shortest period (s) to resolve.
 
     A power of two: the tip goes over as many cells in a step as that of the shipped scene or fewer;
-    the period and a run keep their least numbers of steps and pictures. The period is a vibration's
-    or the smoothing's. `scale`: of the cells.
+    the period and a run keep their least numbers of steps and pictures. The period is that of the
+    finger's `vibration` (s) or the smoothing. `speed`: of the tip, over the cells' scale, m/s.
     """
-    finger = _likely(own, shipped, chambers, end, scale)
-    period = min(finger.period, max(SMOOTHING, _PERIOD_STEPS * end / _MANY_STEPS))
+    period = min(vibration, max(SMOOTHING, _PERIOD_STEPS * end / _MOST_STEPS))
     of_period = _steps(period, shipped.numerics.time_step)
     of_run = end * shipped.sheet.rate_hz / _FEWEST_PICTURES
-    slower = NOT_FASTER * scale * _STEP_SPEED / max(modelled_speed(finger, end), 1e-9)
+    slower = NOT_FASTER * _STEP_SPEED / max(speed, 1e-9)
     slower = min(slower, of_period, max(of_run, 1.0))
-    return _power(slower), period, finger.known
+    return _power(slower), period
 
 
 def _power(value: float) -> float:

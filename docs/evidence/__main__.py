@@ -11,6 +11,7 @@ which commit, and its CPU time, from which the estimates are.
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -29,6 +30,7 @@ TABLE = Path("docs/verification/parts.csv")
 STATE = Path(".evidence")
 CORES = 2  # parts that run at a time
 _PY, _RUN = (".venv/bin/python", "-m"), ".venv/bin/softfinger"
+_RUNNING = set[subprocess.Popen[bytes]]()
 _ENVIRONMENT = {"MAKELEVEL": "1", "TYPED": "NP", "NP": "1"}  # as make NP=1
 _ENVIRONMENT |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -110,17 +112,24 @@ class Night:
         order.prepare()
         failed, jobs = list[str](), dict[Future[float | None], str]()
         with ThreadPoolExecutor(CORES) as pool:
-            while order.is_active():
-                for name in sorted(order.get_ready(), key=_hours, reverse=True):
-                    jobs[pool.submit(_run, name, due[name])] = name
-                for job in wait(jobs, return_when=FIRST_COMPLETED).done:
-                    order.done(name := jobs.pop(job))
-                    if (hours := job.result()) is None:
-                        failed.append(name)
-                    else:
-                        _record(name, hours, self.at)
-                    how = "FAILED" if hours is None else "has ended"
-                    print(f"{time.strftime('%H:%M')} {name} {how}, {self.left()} left", flush=True)
+            try:
+                while order.is_active():
+                    for name in sorted(order.get_ready(), key=_hours, reverse=True):
+                        jobs[pool.submit(_run, name, due[name])] = name
+                    for job in wait(jobs, return_when=FIRST_COMPLETED).done:
+                        order.done(name := jobs.pop(job))
+                        if (hours := job.result()) is None:
+                            failed.append(name)
+                        else:
+                            _record(name, hours, self.at)
+                        how = "FAILED" if hours is None else "has ended"
+                        clock = time.strftime("%H:%M")
+                        print(f"{clock} {name} {how}, {self.left()} left", flush=True)
+            except KeyboardInterrupt:  # also of SIGTERM: no part begins any more, and those end
+                pool.shutdown(wait=False, cancel_futures=True)
+                for process in list(_RUNNING):
+                    process.terminate()
+                raise
         return failed
 
 
@@ -140,7 +149,10 @@ def _run(name: str, part: Part) -> float | None:
     with (STATE / f"{name}.log").open("a", encoding="utf-8") as log:
         for words in part.commands:
             job = subprocess.Popen(words, stdout=log, stderr=log, env=os.environ | _ENVIRONMENT)
-            _, job.returncode, used = os.wait4(job.pid, 0)
+            _RUNNING.add(job)
+            _, status, used = os.wait4(job.pid, 0)
+            job.returncode = os.waitstatus_to_exitcode(status)
+            _RUNNING.discard(job)
             cpu += used.ru_utime + used.ru_stime
             if job.returncode:
                 return None
@@ -169,6 +181,7 @@ def main() -> int:
     if args.list:
         print(f"{_table().to_string()}\n{night.left()} for what has not ended on {night.at}")
         return 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     failed = night.run()
     for name in failed:
         print(f"{name} failed: see {STATE / name}.log, then make evidence again")

@@ -23,8 +23,7 @@ _ROOM = 2.2
 # pair carries the other with circulation over 2 pi times their distance, about the thickness
 _FORMED, _APART = 2.0, 1.0
 _FARTHEST = 0.5  # of the finger's length: they part, or lose their strength
-# Ahead of a tip that does not turn back, where no later vortex meets them: 35 x 40 mm at 60 kPa in
-# 30 ms in a plane flow needed 1.2 lengths (docs/park.md)
+# The same ahead of a tip that does not turn back, where no later vortex meets them
 _AHEAD = 1.3
 # Between two fingers the pair is equal and goes straight on, with the jet of the closing: in an
 # own pinch at smoke 2.0 times as far as its travel (45 x 30 mm, 40 kPa, 2026-11-28)
@@ -153,7 +152,8 @@ def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
     """
     finger = scene.finger
     room = _ROOM * finger.thickness
-    farthest = _FARTHEST * (finger.length + finger.tip.length)
+    length = finger.length + finger.tip.length
+    farthest = _FARTHEST * length
     carried = np.minimum(path.travel, farthest)[:, None]
     first = last = room + carried * np.ones(2)
     if scene.pinch:  # along the plane between them
@@ -163,7 +163,7 @@ def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
     drift = np.outer(np.clip(path.drift, -farthest, farthest), [1.0, 0.0])
     if not path.turns and not scene.pinch:
         way = path.places[-1] - path.places[0]
-        ahead = np.minimum(path.travel, _AHEAD / _FARTHEST * farthest) - carried[:, 0]
+        ahead = np.minimum(path.travel, _AHEAD * length) - carried[:, 0]
         drift = drift + np.outer(ahead, way / max(np.hypot(*way), 1e-9))
     first, last = first - np.minimum(drift, 0.0), last + np.maximum(drift, 0.0)
     root, half = np.array([finger.root]), 0.5 * scene.tank.size[0]

@@ -66,7 +66,7 @@ def default_filter() -> Filter:
 def best_filter(powers: list[Powers], before: Filter) -> Filter:
     """Return the maximum-likelihood filter by the powers of images that `before` has filtered.
 
-    Without powers, or where the images are black, the filter stays.
+    Without powers, or where the measured tiles are black, the filter stays.
     """
     if not any(np.any(cross) for cross, _, _ in powers):
         return before

@@ -72,6 +72,6 @@ def time_axis(figure: Figure) -> dict[str, Any]:
     over = [ax for ax in axes if ax.get_xlabel() == "time, s"]
     if not over or len({(ax.get_xlim(), ax.get_position().x0) for ax in axes}) > 1:
         return {}
-    first, *_ = places = [ax.get_position() for ax in axes]
+    places = [ax.get_position() for ax in axes]
     room = 1 - max(p.y1 for p in places), min(p.y0 for p in places)
-    return {"axis": [first.x0, first.x1, *map(float, over[0].get_xlim()), *room]}
+    return {"axis": [places[0].x0, places[0].x1, *map(float, over[0].get_xlim()), *room]}

@@ -44,7 +44,7 @@ def write(folder: Path) -> None:
     for name in [name for name in tables if name != "faults"]:
         count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
         if name == "runs":
-            count |= dict.fromkeys(_JUDGED, "not judged")  # against finer ones, as drawn runs are
+            count |= dict.fromkeys(_JUDGED, "not judged")  # no finer run is made of these
         endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())

@@ -13,6 +13,7 @@ from docs.evidence.piv.flows import uniform
 from docs.evidence.piv.particles import render
 from piv.correlation.options import Options, OptionWords
 from piv.correlation.pair import correlate_pair
+from piv.correlation.prefilter import TILE, best_filter, default_filter
 from piv.foreign.read import open_vectors
 from piv.formats.plane_series import UNCERTAIN, check_plane
 from piv.sequence.ensemble import correlate_ensemble
@@ -172,3 +173,8 @@ def test_two_equal_images_show_no_motion(pair):
     assert known.mean() > 0.9
     # a hundredth of the usual random error of a vector
     assert max(np.abs(found.u.values[known]).max(), np.abs(found.v.values[known]).max()) < 5e-4
+
+
+def test_black_tiles_choose_no_filter():
+    black, before = np.zeros((TILE, TILE // 2 + 1)), default_filter()
+    assert best_filter([(black, black, 5)], before) is before

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+import time
 from importlib.util import find_spec
 
 import pandas as pd
@@ -105,6 +106,18 @@ def test_a_night_runs_each_part_once_after_those_that_it_reads(night, tmp_path, 
     for _ in range(2):
         night({"a": texts["a"]}, "def-dirty").run()
     assert log.read_text().count("a") == 4
+
+
+def test_a_night_that_is_interrupted_ends_its_parts_and_begins_none(night, tmp_path):
+    begun = tmp_path / "begun"
+    texts = {"a": "import os, time; os.kill(os.getppid(), 2); time.sleep(60)"}
+    texts |= {"b": "import time; time.sleep(60)", "c": f"open({str(begun)!r}, 'w')"}
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        night(texts).run()
+    assert time.monotonic() - start < 30  # of the 60 s that its parts would take
+    assert not begun.exists()
+    assert not evidence._RUNNING
 
 
 def test_the_parts_of_the_evidence_are_commands_that_exist():
