@@ -76,6 +76,13 @@ def _confirmable(scene: Path, level: str, air: bool) -> None:
         check_openfoam(1)
 
 
+def _interrupted(target: Path, film: list[Path]) -> bool:
+    """Tell whether a fit of these films began in `target` and has not ended."""
+    first = _TEXT.partition("\n")[0].format(films=", ".join(path.name for path in film))
+    begun = (target / "scene.toml").read_text(encoding="utf-8").startswith(first)
+    return begun and not (target / "identify.json").exists()
+
+
 def identify(
     scene: SceneFolder,
     *,
@@ -97,7 +104,8 @@ def identify(
     """Fit rubber and damping of a scene's finger to films and their pressures.
 
     Writes a scene with the fitted numbers, identify.json and identify.html. The last pressure is
-    that of the film that is held out. A film begins at t = 0 of its pressure, within 40 ms.
+    that of the film that is held out. A film begins at t = 0 of its pressure, within 40 ms. After
+    an interruption the same command goes on: coupled runs that have ended are kept.
     """
     from pipeline.fea.up_to_date import check_states
     from pipeline.scene.scene import load_scene
@@ -123,7 +131,7 @@ def identify(
     check_states(loaded)
     _confirmable(scene, confirm, air)
     target = output or scene.with_name(f"{scene.name}_twin")
-    if (target / "scene.toml").exists():
+    if (target / "scene.toml").exists() and not _interrupted(target, film):
         raise StageError(f"{target / 'scene.toml'}: exists already; give another --output")
     shapes = [shape_of(path) for path in films]
     if len(set(shapes)) > 1:

@@ -9,8 +9,13 @@ from piv.files.record import read_record
 
 # relative to coarse
 _SCALE = {"smoke": 0.5, "draft": 0.75, "medium": 2.0, "fine": 4.0, "reference": 8.0}
-# sizes of single_finger at coarse, whose costs the stages state
-_SIZES = {"samples": 2.02e7, "pixels": 2.75e8, "vectors": 2.15e6}
+# sizes of single_finger at coarse, whose costs the stages state, and their number of instants
+_SIZES = {
+    "samples": (2.02e7, "pictures", 210),
+    "pixels": (2.75e8, "frames", 210),
+    "vectors": (2.15e6, "fields", 105),
+}
+_EACH = 0.3  # of such a cost: what an instant takes however few its points are
 _START = 0.5  # s of any stage: its process, and what it imports
 
 
@@ -27,13 +32,15 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         return seconds * (len(fea.pressures) + more), memory
     scale = _SCALE.get(run.scene.level, 1.0)
     if stage == "figures" and not run.scene.filmed:
-        scale *= 0.5  # the slider's frames are of the flow alone, not of three fields
+        scale *= 0.7  # the slider's frames are of the flow alone, not of three fields
     if step.ranks:
         size = predicted(run.scene)
         return size.cpu + _START, max(memory, size.memory / 1e6)
     # before the bending is analysed the view is not known, and neither are its pictures
     if step.grows and run.scene.camera.centre is not None:
-        scale = getattr(predicted(run.scene), step.grows) / _SIZES[step.grows]
+        size, (points, name, instants) = predicted(run.scene), _SIZES[step.grows]
+        scale = (1 - _EACH) * getattr(size, step.grows) / points
+        scale += _EACH * getattr(size, name) / instants
         return seconds * scale + _START, memory
     return seconds * scale + _START, memory * max(1.0, scale)
 

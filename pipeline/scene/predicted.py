@@ -22,13 +22,15 @@ _SHEET_PER_POINT = 21.0  # bytes: five fields and a mark
 class Size:
     """Cells, time steps and camera frames; memory and disk in bytes, CPU time of the flow in s.
 
-    `samples`: points of all pictures of the sheet; `vectors`: of all fields; `pixels`: of the
+    `samples`: points of all `pictures` of the sheet; `vectors`: of all `fields`; `pixels`: of the
     frames, half for a picture and half for a step of the particles.
     """
 
     cells: float
     steps: float
+    pictures: float
     frames: float
+    fields: float
     samples: float
     pixels: float
     vectors: float
@@ -51,7 +53,8 @@ def predicted(scene: Any) -> Size:
     rate = camera.frame_rate_hz or scene.sheet.rate_hz
     frames = end * rate * (min(1.0, 2 / camera.pairs_every))
     carried = end * rate if camera.pairs_every <= CARRIED + 1 else frames / 2
-    samples = end * scene.sheet.rate_hz / (scene.sheet.every or 1) * sheet_points(scene)
+    pictures = end * scene.sheet.rate_hz / (scene.sheet.every or 1)
+    samples = pictures * sheet_points(scene)
     picture = camera.columns * camera.rows
     fields = end * rate / frames_apart(camera, scene.piv)
     solutions = (
@@ -65,7 +68,9 @@ def predicted(scene: Any) -> Size:
     return Size(
         cells=cells,
         steps=steps,
+        pictures=pictures,
         frames=frames,
+        fields=fields,
         samples=samples,
         pixels=0.5 * (frames + carried) * picture,
         vectors=fields * picture / scene.piv.spacing**2,

@@ -5,6 +5,7 @@ import xarray as xr
 from numpy import ndarray
 from scipy.spatial import cKDTree
 
+from piv.formats.plane_series import Planes
 from piv.vortices.criteria import derivative
 
 _NEAREST = 3  # points of the grid that a point of the outline follows
@@ -144,10 +145,13 @@ def line_loads(series: xr.Dataset, about: tuple[float, float], density: float) -
         raise ValueError(f"line loads need the variable {missing[0]!r}, which the series lacks")
     found: list[tuple[ndarray, ...]] = []
     axes = series["x"].values, series["y"].values
+    walls = series[[name for name in ("outline", "outline_velocity") if name in series]].load()
+    planes = Planes(series[["u", "p", "valid"]])  # `u` is for the size of a block
     for k in range(series.sizes["time"]):
-        p, outline = series["p"][k].values.astype(float), series["outline"][k].values
-        known = np.isfinite(p) & (series["valid"][k].values != 0)
-        at = Shore(*axes, known, outline, wall_gradients(series, k, density))(p)
+        plane, outline = planes[k], walls["outline"][k].values
+        p = plane["p"].values.astype(float)
+        known = np.isfinite(p) & (plane["valid"].values != 0)
+        at = Shore(*axes, known, outline, wall_gradients(walls, k, density))(p)
         found.append((at, *loads(outline, at, np.asarray(about))))
     p_outline, force, moment = (np.stack(part) for part in zip(*found, strict=True))
     return xr.Dataset(

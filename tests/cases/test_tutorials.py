@@ -120,5 +120,9 @@ def test_the_command_piv_runs_the_clone_that_it_is_called_in(tmp_path):
 def test_an_own_finger_and_its_recording(clone):
     assert follow("own_finger.md", clone) <= 4
     out = clone / "cases" / "my_finger" / "out" / "smoke"
-    assert (out / "report.html").stat().st_size > 100_000
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert len(page) > 100_000
+    assert "Pressure and water make the finger" in page
+    assert "motion is prescribed" not in page
+    assert "of the work is unexplained" in page
     follow("comparison.md", clone)

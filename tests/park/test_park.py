@@ -2,12 +2,13 @@
 
 import json
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from docs.evidence.park import table as park
-from docs.evidence.park.checks import LIMITS, Outcome, _against_whole, _contours
+from docs.evidence.park.checks import LIMITS, Outcome, _against_whole, _clear, _contours
 from docs.evidence.park.draw import drawn
 from pipeline.scene.scene import load_scene
 
@@ -54,6 +55,7 @@ def test_a_sum_that_is_no_number_fails_at_whichever_instant_it_is(sums):
     assert view == 0.5
     assert np.isnan(total)
     assert _against_whole(found, np.array([0.1, 0.3])) == (0.5, 0.15)
+    assert isinstance(_against_whole(found, np.array([]))[1], str)
 
 
 def test_contours_of_the_total_lie_between_what_is_reached_and_the_tank():
@@ -65,6 +67,14 @@ def test_contours_of_the_total_lie_between_what_is_reached_and_the_tank():
                                 (high - water[1]) / (reached[1] - water[1])])  # fmt: skip
         assert np.ptp(share) < 1e-9
         assert 0.299 < share[0] < 0.501
+
+
+def test_a_contour_that_a_vortex_reaches_is_no_measure_of_the_total():
+    """A vortex that came near a wall of a narrow tank made the total 12 % of it."""
+    contour = np.array([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)])
+    places = {0.05: True, 0.079: True, 0.082: False, 0.118: False, 0.121: True}
+    for x, clear in places.items():
+        assert _clear(contour, SimpleNamespace(x=x, y=0.05, radius=0.01)) is clear
 
 
 def test_the_page_holds_what_was_made_and_what_failed(tmp_path):

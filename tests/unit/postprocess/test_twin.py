@@ -184,6 +184,22 @@ def test_a_wrong_option_is_one_sentence_before_anything_is_fitted(tmp_path, more
     assert not (tmp_path / "twin").exists()
 
 
+@pytest.mark.parametrize(
+    "films, ended, words",
+    [("a", False, "no finger is told"), ("a", True, "give another"), ("b", False, "give another")],
+)
+def test_an_interrupted_fit_goes_on_and_no_other_scene_is_replaced(tmp_path, films, ended, words):
+    """An hour of coupled runs was lost: the folder that they lay in was refused."""
+    (tmp_path / "twin").mkdir()
+    (tmp_path / "twin" / "scene.toml").write_text(
+        f"# Written by softfinger identify from {films}; bands of 95 % (identify.json has all).\n"
+    )
+    if ended:
+        (tmp_path / "twin" / "identify.json").write_text("{}")
+    with pytest.raises(StageError, match=words):
+        asked(tmp_path, lambda _: {})
+
+
 FEA = f'source = "fea"\nstates = "{CASES}/single_finger/kinematics/states.h5"\n'
 
 
@@ -433,12 +449,13 @@ def test_the_band_of_a_number_of_the_flow_has_the_shares_of_a_sum():
 def test_a_phones_film_tells_the_rubber(tmp_path):
     """Held 8 degrees aslant, with rows read over 15 ms; the fit ended on the other side of it."""
     logs = [tmp_path / "a.csv", tmp_path / "b.csv"]
-    logs[0].write_text(RISE)
-    logs[1].write_text(RISE.replace("15000.0", "20000.0"))
+    short = "".join(RISE.splitlines(keepends=True)[:22])  # until 0.2 s
+    logs[0].write_text(short)
+    logs[1].write_text(short.replace("15000.0", "20000.0"))
     values = priors("a", "b") | {STIFF: 1.2, LOADS: 1.05, LOSS: 0.2, START.format("a"): 0.01}
     phone = camera(tilt=(0.12, -0.08), readout=0.015, away=0.6)
     for name, log in zip("ab", logs, strict=True):
-        filmed(tmp_path / name, values, log, phone)
+        filmed(tmp_path / name, values, log, phone, count=19)
     scale, root = phone.stated()
     folder = identify(
         CASES / "single_finger", film=[tmp_path / "a"], hold_out=tmp_path / "b", pressure=logs,

@@ -170,7 +170,7 @@ def test_the_cost_of_a_stage_follows_from_what_it_reads() -> None:
             assert later - known == pytest.approx(3 * stage.cost[0], rel=0.02)
     alone = Run(coarse.scene.model_copy(update={"filmed": False}))
     without = sum(stage.cost[0] + 0.5 for stage in STAGES if stage.name in FILMED)
-    without += 0.5 * BY_NAME["figures"].cost[0]
+    without += 0.3 * BY_NAME["figures"].cost[0]
     assert of_page(coarse, False) - of_page(alone, False) == pytest.approx(without, rel=0.02)
 
 
