@@ -22,7 +22,7 @@ _LABORATORY = UNITS | {"s": (1e3, "ms", None)}
 
 
 def quantity(value: float | str | None, unit: str) -> str:
-    """One value of an SI `unit` with the unit of `UNITS`; "–" for none, a word as it is."""
+    """A value in SI as text, in the unit of `UNITS`; "–" for none, a word as it is."""
     if value is None or isinstance(value, str):
         return "–" if value is None else value
     factor, shown, digits = UNITS.get(unit, (1.0, "" if unit == "1" else unit, None))

@@ -229,7 +229,7 @@ def _with_flow(
     machine: Machine,
     quiet: bool,
 ) -> Comparison:
-    """The case with both sides' flows and what the runs change of it; solves what is missing.
+    """The case with the flows of both sides, and with how the other runs change the simulated one.
 
     A clock that the water contradicts is refused before the runs beside the nominal one.
     """

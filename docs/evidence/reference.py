@@ -57,7 +57,12 @@ def formats() -> str:
         raise StageError(f"docs/formats.md: add a row for the format {new[0]}")
     known = [*_TABLES.values()]
     if new := [n for n, t in vars(records).items() if isinstance(t, Table) and t not in known]:
-        raise StageError(f"docs/evidence/reference.py: name the file of {new[0]} in _TABLES")
+        raise StageError(
+            f"docs/evidence/reference.py: name the file of {new[0]} in _TABLES, then run python -m"
+            " docs.evidence.reference"
+        )
+    if new := [file for file in _TABLES if f"`{Path(file).name}`" not in page]:
+        raise StageError(f"docs/formats.md: describe {new[0]}")
     rows = [("vortices_*.csv", ", ".join(vortex_table.COLUMNS), "columns", "SI", "")]
     for schema in schemas():
         declared = [("", v) for v in schema.root] + [("<group>/", v) for v in schema.group]

@@ -15,7 +15,7 @@ _SIZES = {
     "pixels": (2.75e8, "frames", 210),
     "vectors": (2.15e6, "fields", 105),
 }
-_EACH = 0.3  # of such a cost: what an instant takes however few its points are
+_EACH = 0.25  # of such a cost: what an instant takes however few its points are
 _START = 0.5  # s of any stage: its process, and what it imports
 
 

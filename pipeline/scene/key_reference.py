@@ -77,7 +77,8 @@ def keys_of(
 
 
 def _strings_below(model: type[BaseModel]) -> dict[str, str]:
-    """The string below each key of a model; pydantic would read all sources at each import."""
+    """The string below each key of a model."""
+    # read here: pydantic would read all sources at each import
     known = {}
     for kind in reversed(model.__mro__[: model.__mro__.index(BaseModel)]):
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body

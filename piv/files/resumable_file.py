@@ -86,8 +86,8 @@ class ResumableFile:
         axis.make_scale(name)
         axis.attrs["units"] = units
 
-    def items(self, name: str, dims: Sequence[str], units: str, dtype: Any) -> None:
-        """Create a variable of one chunk per item over the coordinates `dims`.
+    def add_items(self, name: str, dims: Sequence[str], units: str, dtype: Any) -> None:
+        """Add a variable over the coordinates `dims`, one chunk per item.
 
         Its chunks are placed now, so that a kill during a write cannot break the file's index.
         """

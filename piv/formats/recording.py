@@ -128,7 +128,7 @@ class RecordingWriter(ResumableFile):
         self.axis("time", self.times, UNITS["time"])
         for name, size in zip(("row", "column"), self.shape, strict=True):
             self.axis(name, np.arange(size, dtype=np.int32), UNITS[name])
-        self.items("frames", _DIMS, UNITS["frames"], self.dtype)
+        self.add_items("frames", _DIMS, UNITS["frames"], self.dtype)
         if self._masked:
             self._file.create_dataset(
                 "mask",

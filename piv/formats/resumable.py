@@ -51,7 +51,7 @@ class SeriesWriter(ResumableFile):
             self.axis(name, values, self._units[name])
         for name, kind in FIELDS.items():
             units = self._units["u"] if UNITS[name] == "m/s" else UNITS[name]
-            self.items(name, AXES[name], units, kind)
+            self.add_items(name, AXES[name], units, kind)
 
     def write(self, index: int, fields: dict[str, np.ndarray]) -> None:
         """Store one field (y, x each); on disk when this returns."""

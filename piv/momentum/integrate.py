@@ -43,19 +43,22 @@ class Links(NamedTuple):
 def links(ok: ndarray, dx: float, dy: float) -> Links:
     """Links between the points of the largest part of `ok` (y, x) that hangs together."""
     number = np.where(ok, np.cumsum(ok).reshape(ok.shape) - 1, -1)
-    ends = _ends(number)
+    ends = _neighbours(number)
     graph = sparse.coo_array(
         (np.ones(len(ends[0])), (ends[0], ends[1])), shape=(ok.sum(), ok.sum())
     )
     _, part = connected_components(graph, directed=False)
     points = np.zeros(ok.shape, bool)
     points[ok] = part == np.bincount(part, minlength=1).argmax()
-    first, second, along_x = _ends(np.where(points, np.cumsum(points).reshape(ok.shape) - 1, -1))
+    first, second, along_x = _neighbours(
+        np.where(points, np.cumsum(points).reshape(ok.shape) - 1, -1)
+    )
     steps = np.where(np.arange(len(first)) < along_x, dx, dy)
     return Links(points, first, second, along_x, steps)
 
 
-def _ends(number: ndarray) -> tuple[ndarray, ndarray, int]:
+def _neighbours(number: ndarray) -> tuple[ndarray, ndarray, int]:
+    """Numbers of both points of each pair of neighbours, and how many pairs lie along x."""
     pairs = [(number[:, :-1], number[:, 1:]), (number[:-1], number[1:])]
     both = [(a >= 0) & (b >= 0) for a, b in pairs]
     first, second = (

@@ -69,7 +69,7 @@ def _medians(values, absent, network, out):
 
 @fast
 def _gather(field, usable, absent, out):
-    """One neighbour of each vector of a block; `absent` (±1) flips with each unusable one."""
+    """Copy one neighbour of each vector to `out`; an unusable one becomes ±ABSENT in turn."""
     for i in range(out.size):
         seen = usable[i] > 0
         out[i] = field[i] if seen else ABSENT * absent[i]

@@ -85,9 +85,9 @@ def find_vortices(
 def _vortex(
     plane: xr.Dataset, r: Region, fit: tuple[float, ...], disc: float, radius: float | None
 ) -> Vortex:
-    """A vortex of its region and fit, with the circulation that does not depend on the scale.
+    """The vortex of a region and its fit; its circulation does not depend on the scale.
 
-    Of one `at_edge` what is seen is told, and its fit where its region is within the plane.
+    At the edge it has what is seen, and a fit where its region lies within the plane.
     """
     m, std = r.measures, r.std
     whole = fit[2], fit[6], np.nan

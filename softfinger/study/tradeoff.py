@@ -74,7 +74,7 @@ def _picture(files: StageFiles) -> dict[str, float]:
 
 
 def finest(plan: dict[str, Any]) -> str:
-    """The flow run of a whole stroke with most cells, of those with as many that of most steps."""
+    """The flow run of a whole stroke with most cells; among equals, with most steps."""
     whole = [
         row
         for row in plan["runs"]

@@ -144,7 +144,8 @@ def test_known_differences_come_out_of_the_files(made):
 def test_a_wrong_measurement_fails_its_own_checks(tmp_path, options, failing):
     files = opened(copy_findings(write_case(tmp_path, spacing=0.004, frames=21, **options)))
     checks = compare.compare(files)["checks"]
-    assert {c["id"] for c in checks if c["met"] is False} == failing
+    wrong = {c["id"] for c in checks if c["met"] is False}
+    assert wrong == failing, "add a new finding of single_finger to `failing` where it should fail"
     assert wording.answer(result(files)).startswith("Differs: ")
 
 

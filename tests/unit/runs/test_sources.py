@@ -91,7 +91,8 @@ def test_where_results_outlive_a_change_of_code_someone_has_looked() -> None:
     code, known = present(), recorded()
     names = " ".join(name for name in code if code[name] != known.get(name))
     assert not names, (
-        f"the code of {names} changed or is new. Raise versions in pipeline/runs/stages.py where"
-        f" results differ, then run python -m docs.evidence.sources {names}"
+        f"the code of {names}, or code that it imports, changed or is new. Raise versions in"
+        " pipeline/runs/stages.py where results differ, then run python -m docs.evidence.sources"
+        f" {names}; a new stage that is cheap gets by_sources=True there instead"
     )
     assert known.keys() == code.keys()
