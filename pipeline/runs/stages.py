@@ -95,7 +95,7 @@ STAGES = (
     Stage(
         "piv", "piv.commands.correlate", "vectors of those images",
         ("images",), ("piv.h5",), {"piv": True},
-        version=4, piv=True, cost=(25, 800), grows="vectors", threads=True,
+        version=5, piv=True, cost=(25, 800), grows="vectors", threads=True,
     ),
     Stage(
         "pressure", "piv.commands.pressure", "the water's pressure and loads, from those vectors",

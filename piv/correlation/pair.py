@@ -43,12 +43,15 @@ from piv.validation.outliers import RARE, fill_absent, supported
 __all__ = ["FLAGS", "Options", "correlate_pair"]
 
 _VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at all
-# of the vectors that are not masked, uncertain ones counted half: with fewer, other ways are tried
+# of the vectors that are not masked: with fewer valid ones other ways are tried, and one that makes
+# so many valid, uncertain ones counted half, is enough
 _ENOUGH = 0.5
 _CHANCE = 0.2  # with fewer, an uncertain vector may be anything
-# where uncertain vectors outnumber valid ones, another way is better that has so much more of them:
-# light at rest makes vectors uncertain whose errors are large, turbulence such as stay so
+# where the first way was enough, another one is better that makes so many more vectors valid: those
+# that light at rest makes uncertain become so, those of turbulence stay uncertain
 _BETTER = 0.3
+# of the correlation that noise leaves to a window: with less an uncertain vector shows chance
+_SHARED = 0.5
 
 
 @with_options
@@ -155,6 +158,7 @@ def to_dataset(
     uncertain = above & (worst < _VAGUE)
     if (known | uncertain).sum() < RARE * (~v.masked).sum():
         uncertain &= v.correlation > doubtful
+    uncertain &= v.correlation >= _SHARED * _expected_correlation(v, known, uncertain)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
@@ -192,24 +196,36 @@ def to_dataset(
     return out
 
 
+def _expected_correlation(v: Displacements, known: ndarray, uncertain: ndarray) -> ndarray:
+    """Correlation of each window, had it the noise of the `known` vectors' windows.
+
+    The median of their power that the images do not share is the noise. Windows of few particles
+    in it correlate little where they are right; those of much power only by chance.
+    """
+    measured = known if known.any() else uncertain
+    if not measured.any():
+        return np.zeros_like(v.correlation)
+    power = np.sqrt(np.maximum(v.sums[5] * v.sums[6], 0))
+    noise = np.median(((1 - v.correlation) * power)[measured])
+    return 1 - np.divide(noise, power, out=np.ones_like(power), where=power > 0)
+
+
 def _best_way(
     a: Any, b: Any, options: Options, correlate: Callable[[Any, Any, Options], xr.Dataset]
 ) -> xr.Dataset:
     """Correlate, and where too little of the pictures is explained, try other ways in turn.
 
     Ways: without what stands still in the pair (the lesser of both grey values), a smaller and a
-    larger search. Attribute `retried` names the way that was taken. They are tried, too, where more
-    vectors are uncertain than valid. Uncertain vectors are rejected where no way explains enough,
-    and the first hardly anything. A larger window is no way: where it holds few particles, too, one
-    valid vector in twenty was wrong.
+    larger search. Attribute `retried` names the way that was taken. They are tried, too, where few
+    vectors are valid. Uncertain vectors are rejected where no way explains enough, and the first
+    hardly anything. A larger window is no way: where it holds few particles, too, one valid vector
+    in twenty was wrong.
     """
     field = correlate(a, b, options)
-    valid, unsure = _share(field, VALID, SECOND_PEAK), _share(field, UNCERTAIN)
-    least = 0.0
-    if _explained(field) >= _ENOUGH:
-        if unsure <= valid:
-            return field
-        least = valid + _BETTER
+    valid = _share(field, VALID, SECOND_PEAK)
+    if valid >= _ENOUGH:
+        return field
+    least = valid + _BETTER if _explained(field) >= _ENOUGH else 0.0
     still = np.minimum(np.asarray(a, np.float32), np.asarray(b, np.float32))
     ways: dict[str, tuple[Any, Any, Options]] = {
         "background from the pair": (a - still, b - still, options),

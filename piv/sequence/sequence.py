@@ -34,7 +34,7 @@ from piv.formats.resumable import SeriesWriter
 from piv.images.absent_frames import absent_frames
 from piv.images.file_names import PAIRINGS
 from piv.images.preprocess import Preprocessor
-from piv.images.recording import Recording
+from piv.images.recording import Recording, UnreadableFrame
 from piv.sequence.camera_shake import LEAST_SIDE, LEAST_VECTORS
 from piv.sequence.chunks import BLOCK, Chunk, chunk_path, is_chunk, series_key
 from piv.sequence.ensemble import correlate_ensemble
@@ -101,6 +101,11 @@ def correlate_recording(
     sets = frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     here = slice(part.first, part.first + part.count) if part else slice(None)
+    if not sequence.keep_doubles and _all_equal(recording, sets[here]):
+        warn(
+            f"{recording.name}: all pictures are equal, so every vector is at rest; give two "
+            "exposures, or `keep_doubles` where this is meant"
+        )
     lost = _absent_fields(recording, sets, here, sequence)
     if chunk and part:
         if sequence.ensemble:
@@ -236,6 +241,16 @@ def _attributes(
         about = asdict(part) | {"identity": identity, "stamp": recording.stamp}
         attrs["chunk"] = identity = json.dumps(about)
     return attrs, identity
+
+
+def _all_equal(recording: Recording, sets: list[tuple[int, ...]]) -> bool:
+    """Whether all pictures of `sets` are the same; false where one cannot be read."""
+    first, *others = sorted({i for frames in sets for i in frames})
+    try:
+        picture = recording.frame(first)
+        return all(np.array_equal(picture, recording.frame(i)) for i in others)
+    except UnreadableFrame:
+        return False
 
 
 def _absent_fields(

@@ -77,6 +77,19 @@ def test_a_repeated_picture_is_no_field_of_rest(tmp_path, capsys):
     assert "give each picture once; --keep-doubles" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_equal_pictures_are_told_of(tmp_path, capsys, count):
+    """They gave a field of rest without a word."""
+    source = film(tmp_path / "f", {1: FILM[0]})
+    names = [source / f"f_{k:03d}.tif" for k in ([0, 0], [0, 1], [0, 1, 0])[count - 1]]
+    made("correlate", *names, "-o", tmp_path / "o.h5")
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "all pictures are equal, so every vector is at rest; give two exposures" in said
+    made("correlate", *names, "-o", tmp_path / "k.h5", "--keep-doubles")
+    assert not capsys.readouterr().err
+
+
 def test_water_that_begins_at_rest_repeats_no_picture(tmp_path):
     source = film(tmp_path / "f", {k: FILM[max(0, k - 6)] for k in range(12)})
     with open_recording(source) as recording:
