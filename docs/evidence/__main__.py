@@ -2,8 +2,8 @@
 
     make evidence    (or python -m docs.evidence [PART ...] [--list])
 
-Two parts run at a time, each on one core. A part that has ended on this commit is not run again; of
-changes that are not committed it is. One that was stopped goes on where its own records allow. The
+Two parts run at a time, each on one core. A part that has ended with this code is not run again; of
+code that is not committed it is. One that was stopped goes on where its own records allow. The
 output of a part is .evidence/<part>.log. docs/verification/parts.csv keeps when each has ended, on
 which commit, and its CPU time, from which the estimates are.
 """

@@ -25,7 +25,7 @@ from postprocess.tables import write_table as write_csv
 
 _MB = 1e-6
 _IMPACT = 0.05  # s
-_SOURCES = ("*.py", "*.toml", ":(glob)cases/*/studies/*.csv")
+_SOURCES = ("*.py", "*.toml", ":(glob)cases/*/studies/*.csv", ":!tests/*.py")
 _SHARED = ["fea", *(stage.name for stage in until("vortices"))]
 
 
@@ -53,9 +53,9 @@ def origin(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def commit() -> str:
-    """Commit of this code; "" without git.
+    """The last commit that changed code, scenes or tables of runs; "" without git.
 
-    It ends with "-dirty" where code, scenes or tables of runs were changed, not where results were.
+    It ends with "-dirty" where these were changed since.
     """
     home = Path(__file__).parents[2]
 
@@ -63,7 +63,7 @@ def commit() -> str:
         return subprocess.run(["git", *words], cwd=home, capture_output=True, text=True)
 
     with suppress(OSError):
-        name = git("describe", "--always", "--exclude", "*").stdout.strip()
+        name = git("log", "-1", "--format=%h", "--", *_SOURCES).stdout.strip()
         changed = git("diff", "--quiet", "HEAD", "--", *_SOURCES).returncode == 1
         return f"{name}-dirty" if changed else name
     return ""
