@@ -76,11 +76,21 @@ def _confirmable(scene: Path, level: str, air: bool) -> None:
         check_openfoam(1)
 
 
-def _interrupted(target: Path, film: list[Path]) -> bool:
-    """Tell whether a fit of these films began in `target` and has not ended."""
-    first = _TEXT.partition("\n")[0].format(films=", ".join(path.name for path in film))
-    begun = (target / "scene.toml").read_text(encoding="utf-8").startswith(first)
-    return begun and not (target / "identify.json").exists()
+def _begin(target: Path, words: dict[str, Any]) -> None:
+    """Keep what a fit in `target` was asked for; StageError for a folder with another scene.
+
+    The same fit goes on where it was interrupted.
+    """
+    from piv.files.atomic import write_text
+    from piv.files.regular import read_regular
+
+    kept = target / "out" / "identify_begun.json"
+    text = json.dumps({name: str(value) for name, value in words.items()}, indent=1) + "\n"
+    if (target / "scene.toml").exists():
+        begun = kept.exists() and read_regular(kept).decode() == text
+        if not begun or (target / "identify.json").exists():
+            raise StageError(f"{target / 'scene.toml'}: exists already; give another --output")
+    write_text(kept, text)
 
 
 def identify(
@@ -131,8 +141,6 @@ def identify(
     check_states(loaded)
     _confirmable(scene, confirm, air)
     target = output or scene.with_name(f"{scene.name}_twin")
-    if (target / "scene.toml").exists() and not _interrupted(target, film):
-        raise StageError(f"{target / 'scene.toml'}: exists already; give another --output")
     shapes = [shape_of(path) for path in films]
     if len(set(shapes)) > 1:
         raise StageError(f"films of different sizes, {shapes}; give films of one camera that rests")
@@ -142,6 +150,9 @@ def identify(
     for one in strokes:
         if one.film.unused:
             print(f"{one.film.name}: {one.film.unused} pictures after its pressure are not used")
+    asked = {"scene": scene.resolve(), "films": [path.resolve() for path in films]}
+    asked |= {"pressures": [path.resolve() for path in pressure], "scale": scale, "root": root}
+    _begin(target, asked | {"rate": rate, "air": air, "confirm": confirm})
     to_fit = strokes[: len(film)]
     found = identified(twin, to_fit)
     _write_scene(target, scene, twin, found, film)

@@ -16,6 +16,7 @@ _SIZES = {
     "vectors": (2.15e6, "fields", 105),
 }
 _EACH = 0.25  # of such a cost: what an instant takes however few its points are
+_FLOW_ALONE = 0.7  # of the pictures of a page with PIV: the slider has one field, not three
 _START = 0.5  # s of any stage: its process, and what it imports
 
 
@@ -32,7 +33,7 @@ def estimate(run: Run, stage: str, recorded: bool = True) -> tuple[float, float]
         return seconds * (len(fea.pressures) + more), memory
     scale = _SCALE.get(run.scene.level, 1.0)
     if stage == "figures" and not run.scene.filmed:
-        scale *= 0.7  # the slider's frames are of the flow alone, not of three fields
+        scale *= _FLOW_ALONE
     if step.ranks:
         size = predicted(run.scene)
         return size.cpu + _START, max(memory, size.memory / 1e6)

@@ -16,6 +16,7 @@ from typing import Any, Unpack
 import numpy as np
 import xarray as xr
 from numpy import ndarray
+from scipy.ndimage import gaussian_filter
 
 from piv.correlation.adaptive_windows import adapt_windows
 from piv.correlation.fft_pass import window_maps
@@ -48,10 +49,11 @@ _VAGUE = 1.0  # px: with a larger standard uncertainty a vector is not known at 
 _ENOUGH = 0.5
 _CHANCE = 0.2  # with fewer, an uncertain vector may be anything
 # where the first way was enough, another one is better that makes so many more vectors valid: those
-# that light at rest makes uncertain become so, those of turbulence stay uncertain
+# that light at rest made uncertain become valid, those of turbulence stay uncertain
 _BETTER = 0.3
-# of the correlation that noise leaves to a window: with less an uncertain vector shows chance
-_SHARED = 0.5
+# of the correlation that noise leaves a window: an uncertain vector that has less is one of chance
+_LEAST_OF_EXPECTED = 0.5
+_NEAR, _FEW = 3.0, 0.02  # vectors; share of known ones about a vector that weighs as the picture
 
 
 @with_options
@@ -158,7 +160,7 @@ def to_dataset(
     uncertain = above & (worst < _VAGUE)
     if (known | uncertain).sum() < RARE * (~v.masked).sum():
         uncertain &= v.correlation > doubtful
-    uncertain &= v.correlation >= _SHARED * _expected_correlation(v, known, uncertain)
+    uncertain &= v.correlation >= _LEAST_OF_EXPECTED * _expected_correlation(v, known, uncertain)
     flag = np.full(known.shape, VALID, np.uint8)
     flag[~known] = OUTLIER
     flag[v.second & known] = SECOND_PEAK
@@ -197,29 +199,30 @@ def to_dataset(
 
 
 def _expected_correlation(v: Displacements, known: ndarray, uncertain: ndarray) -> ndarray:
-    """Correlation of each window, had it the noise of the `known` vectors' windows.
+    """Correlation of each window, had it the noise of the windows of `known` vectors near it.
 
-    The median of their power that the images do not share is the noise. Windows of few particles
-    in it correlate little where they are right; those of much power only by chance.
+    The power that the images do not share there is the noise; far from any, that of the picture's
+    median. Windows of few particles in it correlate little where they are right.
     """
     measured = known if known.any() else uncertain
     if not measured.any():
         return np.zeros_like(v.correlation)
     power = np.sqrt(np.maximum(v.sums[5] * v.sums[6], 0))
-    noise = np.median(((1 - v.correlation) * power)[measured])
+    apart = np.where(measured, (1 - v.correlation) * power, 0.0)
+    near, count = (gaussian_filter(f, _NEAR) for f in (apart, measured.astype(float)))
+    noise = (near + _FEW * np.median(apart[measured])) / (count + _FEW)
     return 1 - np.divide(noise, power, out=np.ones_like(power), where=power > 0)
 
 
 def _best_way(
     a: Any, b: Any, options: Options, correlate: Callable[[Any, Any, Options], xr.Dataset]
 ) -> xr.Dataset:
-    """Correlate, and where too little of the pictures is explained, try other ways in turn.
+    """Correlate, and where less than half of the vectors are valid, try other ways in turn.
 
     Ways: without what stands still in the pair (the lesser of both grey values), a smaller and a
-    larger search. Attribute `retried` names the way that was taken. They are tried, too, where few
-    vectors are valid. Uncertain vectors are rejected where no way explains enough, and the first
-    hardly anything. A larger window is no way: where it holds few particles, too, one valid vector
-    in twenty was wrong.
+    larger search. Attribute `retried` names the way that was taken. Uncertain vectors are rejected
+    where no way explains enough, and the first hardly anything. A larger window is no way: where it
+    holds few particles, too, one valid vector in twenty was wrong.
     """
     field = correlate(a, b, options)
     valid = _share(field, VALID, SECOND_PEAK)

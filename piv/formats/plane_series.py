@@ -171,7 +171,7 @@ class Planes:
 
     def __init__(self, series: xr.Dataset) -> None:
         self.series = series
-        self.step = max(1, BLOCK // max(1, series["u"].size // max(1, series.sizes["time"])))
+        self.step = max(1, BLOCK // max(1, series.sizes["y"] * series.sizes["x"]))
         self._first, self._block = -1, series
 
     def __getitem__(self, i: int) -> xr.Dataset:

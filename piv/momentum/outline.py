@@ -114,7 +114,7 @@ def line_loads(series: xr.Dataset, about: tuple[float, float], density: float) -
     Parameters
     ----------
     series
-        A series with `p` (Pa) and `outline` (m).
+        A series with `p` (Pa), `valid` and `outline` (m).
     about
         x, y of the moment's point, m.
     density
@@ -141,12 +141,12 @@ def line_loads(series: xr.Dataset, about: tuple[float, float], density: float) -
     >>> float(loads["line_force"][0, 0, 1].round(6))
     16.0
     """
-    if missing := [name for name in ("p", "outline") if name not in series]:
+    if missing := [name for name in ("p", "valid", "outline") if name not in series]:
         raise ValueError(f"line loads need the variable {missing[0]!r}, which the series lacks")
     found: list[tuple[ndarray, ...]] = []
     axes = series["x"].values, series["y"].values
     walls = series[[name for name in ("outline", "outline_velocity") if name in series]].load()
-    planes = Planes(series[["u", "p", "valid"]])  # `u` is for the size of a block
+    planes = Planes(series[["p", "valid"]])
     for k in range(series.sizes["time"]):
         plane, outline = planes[k], walls["outline"][k].values
         p = plane["p"].values.astype(float)

@@ -101,7 +101,7 @@ def correlate_recording(
     sets = frame_sets(len(recording), sequence)
     part = Chunk.of_series(len(sets), *chunk) if chunk else None
     here = slice(part.first, part.first + part.count) if part else slice(None)
-    if not sequence.keep_doubles and _all_equal(recording, sets[here]):
+    if not sequence.keep_doubles and np.ptp(image) > 0 and _all_equal(recording, sets):
         warn(
             f"{recording.name}: all pictures are equal, so every vector is at rest; give two "
             "exposures, or `keep_doubles` where this is meant"

@@ -25,7 +25,9 @@ from postprocess.tables import write_table as write_csv
 
 _MB = 1e-6
 _IMPACT = 0.05  # s
-_SOURCES = ("*.py", "*.toml", ":(glob)cases/*/studies/*.csv", ":!tests/*.py")
+# not tables that runs write: cases/*/studies/results
+_SOURCES = ("*.py", "*.toml", "*.lock", "Makefile", "piv", "pipeline", "postprocess", "softfinger",
+            "cases/_base", "cases/*.h5", ":(glob)cases/*/*/*.csv", ":!tests/*.py")  # fmt: skip
 _SHARED = ["fea", *(stage.name for stage in until("vortices"))]
 
 

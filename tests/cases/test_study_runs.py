@@ -105,7 +105,7 @@ def test_a_second_start_computes_nothing_and_a_lost_file_is_made_again(studied):
 def test_a_killed_study_ends_with_the_table_of_an_undisturbed_one(studied, tmp_path):
     runs = copy_of_project(tmp_path)
     solving = Path("case") / "interval_0" / "log.pimpleFoam"
-    killed_at(runs, runs / "thick" / solving)
+    killed_at(runs, runs / "thick" / solving)  # one run has ended, one is half made
     study(runs)
     table, undisturbed = result(runs), result(studied)
     assert list(table.index) == ["itself", "thick", "edge"]

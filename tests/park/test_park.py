@@ -88,8 +88,9 @@ def test_the_page_holds_what_was_made_and_what_failed(tmp_path):
         kept = {motion: {"values": o.values, "ended": o.ended} for motion, o in found.items()}
         (tmp_path / name / "outcomes.json").write_text(json.dumps(kept))
     text = park.page(list(TABLE.values()), tmp_path)
-    assert "| cycle_90 | coupled | 0.05 | 0 |" in text
-    assert "| cycle_90 | prescribed, PIV=0 | no page: the mesh is bad |" in text
+    made = park.rows(list(TABLE.values()), tmp_path)
+    assert list(made.iloc[0, :4]) == ["cycle_90", "coupled", "0.05", "0"]
+    assert list(made.iloc[1, :3]) == ["cycle_90", "prescribed, PIV=0", "no page: the mesh is bad"]
     # one without any run has not passed
     assert "Of the 3 that were made of seed 3, 5, 1 passed all checks." in text
     assert f"{LIMITS['total'].about}: **0.2**" in text

@@ -45,4 +45,4 @@ def test_a_page_is_short_and_readable(page):
 
 def test_all_pages_are_read_in_an_afternoon():
     words = sum(len(page.read_text(encoding="utf-8").split()) for page in PAGES)
-    assert words <= ALL, f"say {words - ALL} words less on the pages, any of them"
+    assert words <= ALL, f"shorten the pages by {words - ALL} words in all"

@@ -18,7 +18,7 @@ from piv.files.errors import StageError
 from piv.formats.user_tables import read_history
 from piv.images.open_recording import open_recording
 from postprocess.lab.pose import Pose
-from softfinger.identify import identify
+from softfinger.identify import _begin, identify
 from softfinger.twin.advice import candidates, with_film
 from softfinger.twin.confirm import compared, coupled, water
 from softfinger.twin.film import Film, film_times, read_film
@@ -184,20 +184,16 @@ def test_a_wrong_option_is_one_sentence_before_anything_is_fitted(tmp_path, more
     assert not (tmp_path / "twin").exists()
 
 
-@pytest.mark.parametrize(
-    "films, ended, words",
-    [("a", False, "no finger is told"), ("a", True, "give another"), ("b", False, "give another")],
-)
-def test_an_interrupted_fit_goes_on_and_no_other_scene_is_replaced(tmp_path, films, ended, words):
+def test_an_interrupted_fit_goes_on_and_no_other_scene_is_replaced(tmp_path):
     """An hour of coupled runs was lost: the folder that they lay in was refused."""
-    (tmp_path / "twin").mkdir()
-    (tmp_path / "twin" / "scene.toml").write_text(
-        f"# Written by softfinger identify from {films}; bands of 95 % (identify.json has all).\n"
-    )
-    if ended:
-        (tmp_path / "twin" / "identify.json").write_text("{}")
-    with pytest.raises(StageError, match=words):
-        asked(tmp_path, lambda _: {})
+    _begin(tmp_path, {"scale": MM})
+    (tmp_path / "scene.toml").write_text("")
+    _begin(tmp_path, {"scale": MM})
+    with pytest.raises(StageError, match="exists already; give another --output"):
+        _begin(tmp_path, {"scale": 0.3})
+    (tmp_path / "identify.json").write_text("{}")
+    with pytest.raises(StageError, match="exists already; give another --output"):
+        _begin(tmp_path, {"scale": MM})
 
 
 FEA = f'source = "fea"\nstates = "{CASES}/single_finger/kinematics/states.h5"\n'

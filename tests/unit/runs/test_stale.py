@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from pipeline.openfoam.base_case import BASE
-from pipeline.runs.estimate import estimate, of_page
+from pipeline.runs.estimate import _EACH, _FLOW_ALONE, estimate, of_page
 from pipeline.runs.run import Run, open_run
 from pipeline.runs.stages import BY_NAME, FILMED, STAGES
 from pipeline.scene.read_toml import FILE_KEYS
@@ -168,9 +168,13 @@ def test_the_cost_of_a_stage_follows_from_what_it_reads() -> None:
             assert known == pytest.approx(stage.cost[0] + 0.5, rel=0.02)  # that of this very run
             later = estimate(long, stage.name, recorded=False)[0]
             assert later - known == pytest.approx(3 * stage.cost[0], rel=0.02)
+    half = {"camera.columns": coarse.scene.camera.columns // 2}  # as many frames of half the size
+    small = Run(load_scene(CASES / "single_finger", "coarse", half))
+    images = [estimate(run, "images", recorded=False)[0] - 0.5 for run in (coarse, small)]
+    assert images[1] == pytest.approx((0.5 + 0.5 * _EACH) * images[0], rel=0.02)
     alone = Run(coarse.scene.model_copy(update={"filmed": False}))
     without = sum(stage.cost[0] + 0.5 for stage in STAGES if stage.name in FILMED)
-    without += 0.3 * BY_NAME["figures"].cost[0]
+    without += (1 - _FLOW_ALONE) * BY_NAME["figures"].cost[0]
     assert of_page(coarse, False) - of_page(alone, False) == pytest.approx(without, rel=0.02)
 
 
