@@ -64,8 +64,7 @@ LIMITS = {
     "at_edge": Limit(
         "instants at which the strongest vortex, once grown, meets the edge",
         0.0,
-        "it has no circulation there, so that the view is wrong; before, layers of walls are as"
-        " strong",
+        "its circulation is not known there: the view is wrong",
     ),
     "changed_sign": Limit(
         "tracks that change sign", 0.0, "a vortex keeps its sense, so that another is followed"
@@ -78,14 +77,13 @@ LIMITS = {
     "total": Limit(
         "total circulation over the strongest vortex",
         0.005,
-        "none was there before the motion; the mean of the innermost three contours between what"
-        " the finger reaches and the walls that are two radii from any vortex",
+        "none was there before the motion; mean of the innermost three contours that are two radii"
+        " from any vortex",
     ),
     "early_force": Limit(
         "first force less that of added mass, over the forces on parts of the outline",
         0.03,
-        "accelerations are the solver's differences; parts of a vibrating finger pull both ways,"
-        " and cells and layers at the wall leave 1 to 1.5 % of what they sum to",
+        "by the solver's own differences; cells and layers at the wall leave 1 to 1.5 %",
     ),
     "cost": Limit("cost, a factor from the prediction", 1.5, "what a user can plan with"),
     "uncommon": Limit(
