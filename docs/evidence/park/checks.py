@@ -36,7 +36,6 @@ from softfinger.sheets import make_sheet
 _PLANES = 12  # of the whole tank
 _SAME = 0.3  # radii: the same vortex in two views
 _GROWN = 0.1  # of the largest of a run, by circulation or by peak and radius: others are young
-_INNER = 3  # contours whose mean counts: one scatters more, and layers of walls reach outer ones
 _CLEAR = 2.0  # radii of a vortex from a contour that it leaves as it is
 _EARLY = 0.02  # s of the first forces
 _FIRST_STEPS = 5  # of the solver, whose pressure is not settled yet
@@ -77,8 +76,7 @@ LIMITS = {
     "total": Limit(
         "total circulation over the strongest vortex",
         0.005,
-        "none was there before the motion; mean of the innermost three contours that are two radii"
-        " from any vortex",
+        "none was there before the motion; mean of contours that are two radii from any vortex",
     ),
     "early_force": Limit(
         "first force less that of added mass, over the forces on parts of the outline",
@@ -190,8 +188,7 @@ def _whole_flow(run: Run) -> dict[str, float | str]:
                 continue
             clear = [c for c in contours if all(_clear(c, v) for v in every)]
             if clear:
-                inner = [round_contour(plane, c).circulation for c in clear[-_INNER:]]
-                sums.append(abs(np.mean(inner)))
+                sums.append(abs(np.mean([round_contour(plane, c).circulation for c in clear])))
             one = max(whole, key=lambda v: abs(v.circulation_disc))
             now = table[(table["time"] - float(plane["time"])).abs() < 1e-6]
             away = np.hypot(now["x"] - one.x, now["y"] - one.y)
