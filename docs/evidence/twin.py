@@ -168,8 +168,11 @@ def filmed(folder: Path, camera: Camera, outline: Any, law: Any, k: int) -> None
     table.to_csv(folder.with_suffix(".csv"), index=False)
 
 
-def blind(seed: int, folder: Path, coupled: bool) -> dict[str, Any]:
-    """The row of a seed: truth and estimate, held bands, warnings and the held-out tip's errors."""
+def blind(seed: int, folder: Path, coupled: bool, confirm: str = "") -> dict[str, Any]:
+    """The row of a seed: truth and estimate, held bands, warnings and the held-out tip's errors.
+
+    `confirm`: level of the coupled runs of `identify --confirm`, whose page shows the flow.
+    """
     d = drawn(seed)
     scene, motion = truth(seed, folder, coupled)
     camera = Camera(seed, np.array(scene.finger.root), scene.finger.width)
@@ -181,6 +184,7 @@ def blind(seed: int, folder: Path, coupled: bool) -> dict[str, Any]:
         found = identify(
             CASE, film=films[:1], hold_out=films[1], scale=scale, root=root, rate=d["rate"],
             pressure=[film.with_suffix(".csv") for film in films], output=Path(name) / "twin",
+            confirm=confirm,
         )  # fmt: skip
         about = json.loads((found / "identify.json").read_text())
         shutil.copy(found / "identify.html", folder)
@@ -221,6 +225,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="blind fingers for the twin")
     parser.add_argument("seeds", nargs="*", type=int, help="first, and the one after the last")
     parser.add_argument("--coupled", action="store_true", help="coupled runs at draft")
+    parser.add_argument("--confirm", default="", help="as of identify; the table stays as it is")
     parser.add_argument("--folder", type=Path, default=Path("twin_blind"), help="of the runs")
     asked = parser.parse_args()
     seeds = range(*asked.seeds) if asked.seeds else range(0)
@@ -228,7 +233,9 @@ def main() -> None:
         parser.error(f"seeds {used} are not blind: code and constants were chosen with them")
     table = pd.read_csv(TABLE) if TABLE.exists() else pd.DataFrame({"seed": []})
     for seed in seeds:
-        row = blind(seed, asked.folder / f"f{seed}", asked.coupled)
+        row = blind(seed, asked.folder / f"f{seed}", asked.coupled, asked.confirm)
+        if asked.confirm:
+            continue
         table = pd.concat([table[table["seed"] != seed], pd.DataFrame([row])])
         table.sort_values("seed").to_csv(TABLE, index=False, float_format="%.5g")
     for coupled, part in table.groupby("coupled"):

@@ -152,9 +152,8 @@ def to_dataset(
     worst = np.maximum(std_x, std_y)
     above = known & (worst > options.max_std)
     if v.steep is not None:
-        above &= ~v.steep | (
-            worst > _VAGUE
-        )  # up to there it is only an upper bound (Errors.in_small_window)
+        # up to there it is only an upper bound (Errors.in_small_window)
+        above &= ~v.steep | (worst > _VAGUE)
     if above.any():
         known = supported(known & ~above, v.masked, v.correlation, doubtful=doubtful, across=across)
     uncertain = above & (worst < _VAGUE)

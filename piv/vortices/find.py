@@ -99,9 +99,8 @@ def _vortex(
     circulation, circulation_std, within_radius = (float(q) for q in whole)
     to_edge = _to_edge(plane, m.x, m.y)
     if to_edge < np.nanmax([disc, m.radius, within_radius]):
-        if to_edge < m.radius or not np.isnan(
-            within_radius
-        ):  # the fit needs the region whole, no circle
+        # a fit needs the whole region, and no circle
+        if to_edge < m.radius or not np.isnan(within_radius):
             circulation, circulation_std, fit = np.nan, np.nan, (np.nan,) * 9
         seen = m.x, m.y, circulation, np.nan, m.radius, m.peak_vorticity, np.nan, disc
         return Vortex(*seen, np.nan, np.nan, circulation_std, *[np.nan] * 6, *fit, at_edge=True)

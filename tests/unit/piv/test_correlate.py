@@ -183,15 +183,15 @@ def test_black_tiles_choose_no_filter():
 
 
 def test_chance_correlations_are_not_uncertain_vectors():
-    """Beyond the search; 110 of 445 erred by over 1 px, 12 times the stated error (RMS)."""
+    """Beyond the search; a quarter erred by over 1 px, 12 times the stated error (RMS)."""
     flow, shape, parts = lambda x, y: (0.3 * (y - 200), 0 * x), (400, 256), []
-    for seed in (1, 3, 5, 6):
+    for seed in range(1, 7):
         images = render_pair(flow, shape, noise=0.02, background=5, seed=seed)
         parts.append(judged(correlate_pair(*images), flow, inner(shape)))
     found = joined(parts)
     unsure = found.flag == UNCERTAIN
-    assert 200 < unsure.sum() < 400  # those in noise or steep flow remain
-    # 8 of 306 and 0.76 when this was written; 25 % and 12 before
+    assert unsure.sum() > 200  # those in noise or steep flow remain
+    # 9 of 359 and 0.76: twice as many is the scatter of so few, 1.2 that of an honest error
     assert (np.hypot(*found.e[:, unsure]) > 1).mean() < 0.05
     assert rms(found.e[:, unsure]) < 1.2 * rms(found.std[:, unsure])
 
@@ -209,3 +209,17 @@ def test_few_particles_beside_many_keep_uncertain_vectors():
         unsure = found.flag == UNCERTAIN
         assert unsure.mean() > 0.2
         assert np.hypot(*found.e[:, unsure]).max() < 1
+
+
+def test_noise_of_a_part_of_the_picture_is_expected_there_alone():
+    """By the noise of the whole picture all right vectors of its noisy half were absent."""
+    flow, right = uniform(4.3, -1.2), np.arange(SHAPE[1]) >= 160
+    for seed in (2, 3, 4):
+        clean, noisy = (
+            render_pair(flow, SHAPE, noise=n, background=5, seed=seed) for n in (0.02, 0.3)
+        )
+        images = [np.where(right, b, a) for a, b in zip(clean, noisy, strict=True)]
+        found = judged(correlate_pair(*images), flow, lambda x, y: inner(SHAPE)(x, y) & (x > 176))
+        unsure = found.flag == UNCERTAIN
+        assert unsure.mean() > 0.1  # 0.15 to 0.28
+        assert (np.hypot(*found.e[:, unsure]) < 1).mean() > 0.95  # a stated 1 px is not known

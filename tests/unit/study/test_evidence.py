@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 import sys
 import time
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ import pytest
 from docs.evidence import __main__ as evidence
 from docs.evidence import twin
 from pipeline.runs.stages import BY_NAME, COUPLED
+from softfinger.study import table
 from softfinger.study.rows import read_study
 from softfinger.study.table import origin
 from tests.conftest import CASES, ROOT
@@ -160,3 +162,20 @@ def test_no_seed_that_the_twin_was_tuned_with_counts_as_blind(monkeypatch, capsy
     with pytest.raises(SystemExit):
         twin.main()
     assert "seeds [9] are not blind" in capsys.readouterr().err
+
+
+def test_evidence_belongs_to_the_last_commit_of_code(tmp_path, monkeypatch):
+    """A commit of docs or tests made a night of runs due again; one of a scheme did not."""
+    monkeypatch.setattr(table, "__file__", str(tmp_path / "softfinger" / "study" / "table.py"))
+    names = []
+    for file in ("piv/a.py", "docs/a.md", "tests/test_a.py", "cases/_base/system/fvSchemes"):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(file)
+        for words in (["init", "-q"], ["add", "."], ["commit", "-qm", file]):
+            user = ["-c", "user.name=a", "-c", "user.email=a@b"]
+            subprocess.run(["git", *user, *words], cwd=tmp_path, check=True)
+        names.append(table.commit())
+    assert names[0]
+    assert names[0] == names[1] == names[2] != names[3]
+    (tmp_path / "piv" / "a.py").write_text("other")
+    assert table.commit() == f"{names[3]}-dirty"
