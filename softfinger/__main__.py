@@ -289,7 +289,8 @@ def _call(words: list[str] | None) -> None:
     try:
         command, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        raise StageError(" ".join(str(error).split())) from None
+        text = " ".join(str(error).split())
+        raise StageError(text.replace(" into bool.", ": give 1 or 0")) from None
     working()
     used = {name for hint in _hints(command) for name in hint.env_var or ()}
     used |= {name for name, commands in _IN_RECIPES.items() if command in commands}

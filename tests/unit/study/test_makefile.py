@@ -50,6 +50,7 @@ def test_what_the_readme_and_the_docs_tell_to_make_is_there() -> None:
         (["single_finger", "LEVLE=smoke"], "LEVLE: no such value"),
         (["single_finger", "LEVEL=smok"], "did you mean smoke?"),
         (["single_finger", "LEVEL=smoke", "NP=0"], "NP=0: give 1 or more"),
+        (["single_finger", "COUPLED=maybe"], 'unable to convert "maybe": give 1 or 0'),
         (["single_finger", "COUPLED=1", "BUDGET=1min"], "COUPLED goes with a whole scene, not wi"),
         (["single_finger", "PIV=0", "BUDGET=1min"], "PIV goes with a whole scene, not with BUD"),
         (["fea", "PIV=0"], "fea does not use PIV"),
