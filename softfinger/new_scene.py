@@ -30,6 +30,7 @@ PARENT = Path("cases/single_finger")
 _FILLED = 0.9  # of the tank's height: the experiment's
 _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
+_CURLED = 0.3  # of the length: the back of a finger that bends by 260° is so high above its root
 _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over that of a side wall
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
@@ -172,7 +173,9 @@ def _check_section(own: Own, thickness: float, side_wall: float) -> None:
 def _placed(own: Own) -> dict[str, Any]:
     """Water depth and root for a finger in a tank; StageError where it does not fit."""
     depth = math.floor(round(1e3 * _FILLED * own.tank[1], 6)) / 1e3
-    above = min(max(depth - own.length - _BELOW_TIP, _LEAST_ABOVE_ROOT), _ABOVE_ROOT)
+    left = depth - own.length
+    curled = min(_CURLED * own.length, left / 2)
+    above = min(max(left - _BELOW_TIP, _LEAST_ABOVE_ROOT, curled), _ABOVE_ROOT)
     below = depth - above - own.length
     if below < _LEAST_BELOW_TIP:
         raise StageError(

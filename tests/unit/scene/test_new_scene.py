@@ -102,6 +102,12 @@ def test_cells_of_plane_levels_grow_with_the_distance_from_the_wall(tmp_path):
     assert grading == load_scene(PARENT, "coarse").mesh.wall_grading > 0
 
 
+def test_the_root_is_as_deep_as_a_finger_curls_up_in_a_tank_with_room(tmp_path):
+    """At 28 kPa such a finger bends by 207° and left the water, 20 mm above its root."""
+    scene = make(tmp_path, 0.096, 0.033, (0.438, 0.216, 0.271))
+    assert scene.tank.water_depth - scene.finger.root[1] > 0.028
+
+
 def test_a_coupled_run_of_few_cells_costs_what_follows_the_finger(tmp_path):
     """Its solver took 31 CPU seconds of `make park`, where 10 were predicted."""
     rows = "t,p\n0,0\n0.02,0\n0.122,16000\n0.42,16000\n"
