@@ -39,6 +39,7 @@ _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 # of a finger's vibration and of the pressure's smoothing; of a run
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100
+_HARMLESS = 0.01  # of the pressure's range: what a longer smoothing may change
 _MOST_STEPS = 1000  # that a run may take to resolve the smoothing
 # of cells with the distance from the wall, as at coarse: without it those above a root that is near
 # the surface are so large that the flow makes circulation, 8 % of the tip vortex's
@@ -98,14 +99,16 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
                 " pressures, in Pa"
             ) from None
         slower, period = _pace(likely.period, speed / scale, shipped, end)
-    end = _up(end, _WHOLE * max(slower, 1.0))
+        smoothing = round(period, 3) if _slow(table, period) else SMOOTHING
+    end = _up(end + smoothing - SMOOTHING, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
     low, high = math.floor(pressure.min() / 1e3 / step), math.ceil(pressure.max() / 1e3 / step)
     values = {
         "parent": os.path.relpath(parent, folder),
         "parent_name": shipped.folder.resolve().name,
-        "smoothing": SMOOTHING,
+        "smoothing": smoothing,
+        "smoothed": f"smoothing = {smoothing}\n" if smoothing > SMOOTHING else "",
         "title": folder.name.replace("_", " ").capitalize(),
         "tank": [float(x) for x in own.tank],
         **placed,
@@ -224,6 +227,16 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -
         }
     )
     return ElasticFinger.of(scene, states)
+
+
+def _slow(pressure: Path, span: float) -> bool:
+    """Tell whether an average over `span` s, centred, changes a history by 1 % of it at most."""
+    if span < 2 * SMOOTHING:
+        return False
+    times, values = read_history(pressure, "pressure", least=2)
+    time = np.arange(times[0], times[-1], 0.25 * SMOOTHING)
+    each = [measured_law(pressure, s)(time + 0.5 * s) for s in (SMOOTHING, span)]
+    return bool(np.abs(each[1] - each[0]).max() < _HARMLESS * np.ptp(values))
 
 
 def _steps(period: float, step: float) -> float:
@@ -355,7 +368,7 @@ uncertainty = false  # true: six more analyses, for a band around the bending ra
 [motion]
 source = "{source_of_motion}"  # "structure": pressure and water move it together; COUPLED=0: "fea"
 pressure_csv = "pressure.csv"  # {source}, {rows} rows, from t = 0 on; smoothing: {smoothing} s
-end_time = {end}  # s: when the smoothed pressure has arrived
+{smoothed}end_time = {end}  # s: when the smoothed pressure has arrived
 
 # Camera, laser sheet and the least vortex that counts follow from the tip's path: [camera] centre
 # and scale_mm_per_px state a view. Time steps, checkpoints and pictures of the levels follow from
