@@ -114,10 +114,9 @@ def fit(
         return np.concatenate([*(weight * part.ravel() for part in left(z)), z])
 
     def slopes(z: FloatArray, weight: float) -> FloatArray:
-        sides = [
-            weighed(z + _STEP * e, weight) - weighed(z - _STEP * e, weight) for e in np.eye(len(z))
-        ]
-        return np.stack(sides, axis=-1) / (2 * _STEP)
+        here = weighed(z, weight)
+        steps = [weighed(z + _STEP * e, weight) - here for e in np.eye(len(z))]
+        return np.stack(steps, axis=-1) / _STEP
 
     z = np.zeros(len(parameters)) if start is None else start
     points = left(z)[0].shape[1]
