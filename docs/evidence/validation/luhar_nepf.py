@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from docs.evidence.validation.checks import Check, Result
+from docs.evidence.validation.checks import Check, How, Result
 from docs.evidence.validation.solve import CASES, provenance, solved
 from docs.evidence.validation.turek_hron import end_of_flag, forces
 from pipeline.scene.scene import Scene
@@ -57,7 +57,7 @@ def mean(series: tuple[np.ndarray, np.ndarray]) -> float:
 def measure() -> Result:
     """Of the rigid blade its drag coefficient, of each bent one drag, its share, and the tip."""
     checks, rigid = [], 0.0
-    asked = 0.06, "relative", "asked of the drag"
+    asked: tuple[float, How, str] = 0.06, "relative", "asked of the drag"
     for row in read_study(CASES / "studies" / f"{NAME}.csv"):
         scene = solved(row.run, NAME, "solve")
         assert scene.current
