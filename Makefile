@@ -83,6 +83,7 @@ validate: $(READY) ## flows of known answer, and convergence: docs/verification.
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
 	@$(RUN) study cases/validation/studies/turek_hron.csv
+	@$(RUN) study cases/validation/studies/luhar_nepf.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only draft,coarse,medium,fine
 	@nice $(PY) -m docs.evidence.validation

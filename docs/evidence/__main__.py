@@ -53,7 +53,10 @@ class Part:
 PARTS = {
     "tradeoff": Part(((_RUN, "tradeoff", "cases/single_finger"),)),
     "validation": Part(
-        tuple(_study(f"validation/{name}") for name in ("validation", "convergence", "turek_hron"))
+        tuple(
+            _study(f"validation/{name}")
+            for name in ("validation", "convergence", "turek_hron", "luhar_nepf")
+        )
     ),
     "checks": Part(((*_PY, "docs.evidence.validation"),), ("validation", "tradeoff")),
     "stability": Part(

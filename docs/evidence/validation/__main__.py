@@ -11,6 +11,7 @@ from docs.evidence.validation import (
     cylinders,
     deforming,
     finger,
+    luhar_nepf,
     plates,
     ringdown,
     shedding,
@@ -39,6 +40,7 @@ def measure(name: str, again: bool) -> Result | None:
         ringdown.NAME: ringdown.measure,
         cantilever.NAME: cantilever.measure,
         turek_hron.NAME: turek_hron.measure,
+        luhar_nepf.NAME: luhar_nepf.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
     }

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
+from docs.evidence.validation.luhar_nepf import blade
 from docs.evidence.validation.turek_hron import swing
 from pipeline.structure.chain import MIDDLE, joint_moments, placed
 from pipeline.structure.elastic_law import law_at
@@ -153,3 +154,10 @@ def test_mean_and_amplitude_as_turek_and_hron_define_them():
     assert found["amplitude"] == pytest.approx((1 + 9 / 8 + 4) / 2, abs=2e-3)
     assert found["frequency"] == pytest.approx(2.0, rel=1e-3)
     assert swing((time, 1 + time), steady=True) == {"mean": pytest.approx(4.0, abs=1e-3)}
+
+
+@pytest.mark.parametrize("cauchy, buoyancy", [(3.0, 0.0), (10.0, 2.7), (30.0, 10.0)])
+def test_model_that_the_solver_is_compared_with(cauchy, buoyancy):
+    """3 %: their law is a fit to this model. The tip of a stiff blade goes Ca / 8."""
+    assert blade(cauchy, buoyancy)[0] == pytest.approx(effective_length(cauchy, buoyancy), rel=0.03)
+    assert blade(0.01, 0.0)[1] == pytest.approx(0.01 / 8, rel=0.01)
