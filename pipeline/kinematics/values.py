@@ -19,6 +19,7 @@ from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
 _JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
+_LONGEST = 0.25  # of a motion over time, between two shapes
 _GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh there shrinks with it
 
 
@@ -37,6 +38,15 @@ def _shape_knots(
         steps = np.maximum(steps, change / _GAP_STEP)
     if not steps.any():  # no pressure changes the shape
         return np.linspace(lowest, highest, 5)
+    knots = _spaced(steps, fine)
+    if motion.over_time and np.diff(knots).max() > _LONGEST * (highest - lowest):
+        # a rest, which would be one long piece of the spline, and would overshoot
+        knots = _spaced(np.maximum(steps, 4 / (_LONGEST * len(steps))), fine)
+    return knots
+
+
+def _spaced(steps: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Parameters among the `fine` ones, between which the sum of `steps` is even, and 1 or less."""
     walk = np.concatenate([[0], np.cumsum(steps)])
     count = max(5, int(np.ceil(walk[-1])) + 1)
     return np.interp(np.linspace(0, walk[-1], count), walk, fine)

@@ -1,7 +1,10 @@
 """Scenes as they are shipped, inherited and resolved; which stages a key makes again."""
 
+import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
+from pipeline.formats.bending_states import States, read_states
 from pipeline.kinematics.stage import kinematics_values
 from pipeline.scene.scene import load_scene
 from pipeline.scene.sections import Numerics
@@ -79,3 +82,17 @@ def test_power_is_sampled_at_least_every_2_ms_and_whenever_the_sheet_is(time_ste
     numerics = Numerics(time_step=time_step)
     assert numerics.balance_steps(rate) == steps
     assert numerics.sampling_steps(rate) % steps == 0
+
+
+def test_a_motion_that_comes_to_rest_early_stays_there_between_its_shapes():
+    """A rest was one long piece of the spline through the shapes, which left it by 100 degrees."""
+    scene = load_scene(CASES / "single_finger", "smoke")
+    path = scene.folder / str(scene.motion.states)
+    states = read_states(path, scene.finger.thickness)
+    time = np.linspace(0, scene.motion.end_time, 43)
+    at = np.minimum(40 + 4 * np.arange(len(time)), 80)  # states: it rests after 0.1 s
+    moving = States(time, states.profile[at], states.thickness[at])
+    law = kinematics_values(scene, moving)
+    rest = law["shape_outline"][-1]
+    seen = CubicSpline(law["shape_parameter"], law["shape_outline"])(time[time > 0.11])
+    assert np.abs(seen - rest).max() < 0.01 * scene.finger.length
