@@ -1,9 +1,10 @@
-"""Reading in a forked process, for files that may crash or hang the library that reads them."""
+"""Forked processes: for files that may crash or hang the library that reads them, and for work."""
 
 import multiprocessing
 import os
 import resource
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -16,6 +17,24 @@ from piv.files.errors import one_line
 _READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
 _WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
 T = TypeVar("T")
+_threads = [1]  # of OpenCV before a fork
+
+
+def _end_threads() -> None:
+    """End OpenCV's threads before a fork: its child would wait for them for ever."""
+    if opencv := sys.modules.get("cv2"):
+        _threads[0] = opencv.getNumThreads()
+        opencv.setNumThreads(1)
+
+
+def _allow_threads() -> None:
+    if opencv := sys.modules.get("cv2"):
+        opencv.setNumThreads(_threads[0])
+
+
+os.register_at_fork(
+    before=_end_threads, after_in_parent=_allow_threads, after_in_child=_allow_threads
+)
 
 
 def read_in_child(read: Callable[..., T], *args: Any, cpu_limit: int = _READ_LIMIT) -> T:
@@ -50,7 +69,7 @@ def worker_pool(processes: int, *, forked: bool = False) -> Iterator[ProcessPool
     """Worker processes that Ctrl-C ends silently, also during their first import.
 
     `forked`: they begin with all imported and compiled code of this process.
-    Not where a library has threads by then (OpenCV, Numba's parallel loops): forks wait for them.
+    Not where Numba's parallel loops have threads by then: forks wait for them.
     """
     kind = "fork" if forked else "spawn"
     with ProcessPoolExecutor(processes, get_context(kind), initializer=_end_at_interrupt) as pool:
