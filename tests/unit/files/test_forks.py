@@ -18,8 +18,8 @@ def test_a_fork_does_not_wait_for_the_threads_of_opencv():
     """The stage piv, forked by a process that had measured vortices, waited for ever."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(2)
-    for _ in range(20):
-        cv2.GaussianBlur(np.ones((600, 600), np.float32), (0, 0), 5)
+    for _ in range(5):
+        cv2.GaussianBlur(np.ones((3000, 3000), np.float32), (0, 0), 5)
     time.sleep(1)  # until its threads sleep
     child = get_context("fork").Process(target=_one_thread)
     child.start()
