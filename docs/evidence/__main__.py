@@ -76,7 +76,7 @@ PARTS = {
     "park": Part(((*_PY, "docs.evidence.park"),)),
     "twin": Part(
         ((*_PY, "docs.evidence.twin", "1", "9", "--coupled"),
-         (*_PY, "docs.evidence.twin", "11", "18", "--coupled"),
+         (*_PY, "docs.evidence.twin", "11", "23", "--coupled"),
          (*_PY, "docs.evidence.twin", "207", "218")),
     ),
     "docs": Part((("make", "docs"),), ("tradeoff", "checks", "stability", "drawn", "coupling")),
