@@ -30,7 +30,7 @@ PARENT = Path("cases/single_finger")
 _FILLED = 0.9  # of the tank's height: the experiment's
 _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
-_CURLED = 0.3  # of the length: the back of a finger that bends by 260° is so high above its root
+_CURLED = 0.3  # of the length: about what the back of a finger rises above its root, bent by 260°
 _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over that of a side wall
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
@@ -99,7 +99,8 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
                 " pressures, in Pa"
             ) from None
         slower, period = _pace(likely.period, speed / scale, shipped, end)
-        smoothing = round(period, 3) if _slow(table, period) else SMOOTHING
+        smoothing = _smoothing(table, period)
+        period = smoothing if smoothing > SMOOTHING else period
     end = _up(end + smoothing - SMOOTHING, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -229,14 +230,21 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -
     return ElasticFinger.of(scene, states)
 
 
-def _slow(pressure: Path, span: float) -> bool:
-    """Tell whether an average over `span` s, centred, changes a history by 1 % of it at most."""
-    if span < 2 * SMOOTHING:
-        return False
+def _smoothing(pressure: Path, longest: float) -> float:
+    """The longest average (s) of a history, centred, that changes it by 1 % of its range at most.
+
+    Of `longest`, its half, its quarter and so on; else the usual one.
+    """
     times, values = read_history(pressure, "pressure", least=2)
     time = np.arange(times[0], times[-1], 0.25 * SMOOTHING)
-    each = [measured_law(pressure, s)(time + 0.5 * s) for s in (SMOOTHING, span)]
-    return bool(np.abs(each[1] - each[0]).max() < _HARMLESS * np.ptp(values))
+    usual = measured_law(pressure)(time + 0.5 * SMOOTHING)
+    span = round(longest, 3)
+    while span >= 2 * SMOOTHING:
+        change = np.abs(measured_law(pressure, span)(time + 0.5 * span) - usual).max()
+        if change < _HARMLESS * np.ptp(values):
+            return span
+        span = round(0.5 * span, 3)
+    return SMOOTHING
 
 
 def _steps(period: float, step: float) -> float:

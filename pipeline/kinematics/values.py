@@ -19,7 +19,8 @@ from pipeline.scene.pinch import Pinch
 from pipeline.scene.scene import Scene
 
 _JUMP = 0.05  # of the peak rate: a motion that starts with more starts impulsively
-_LONGEST = 0.25  # of a motion over time, between two shapes
+# of a motion over time: longest piece between two shapes, and longest where one would be longer
+_LONGEST, _RESTING = 0.25, 0.06
 _GAP_STEP = 0.2  # of the logarithm of the gap from shape to shape: the mesh there shrinks with it
 
 
@@ -41,7 +42,7 @@ def _shape_knots(
     knots = _spaced(steps, fine)
     if motion.over_time and np.diff(knots).max() > _LONGEST * (highest - lowest):
         # a rest, which would be one long piece of the spline, and would overshoot
-        knots = _spaced(np.maximum(steps, 4 / (_LONGEST * len(steps))), fine)
+        knots = _spaced(np.maximum(steps, 1 / (_RESTING * len(steps))), fine)
     return knots
 
 

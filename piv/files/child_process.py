@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from threading import Lock
 from typing import Any, TypeVar
 
 from piv.files.errors import one_line
@@ -18,10 +19,12 @@ _READ_LIMIT = 120  # s of CPU time; reading a file of gigabytes takes seconds
 _WALL_LIMIT = 600.0  # s; even on a machine that gives a process a hundredth of its time
 T = TypeVar("T")
 _threads = [1]  # of OpenCV before a fork
+_forking = Lock()  # two threads fork one after the other
 
 
 def _end_threads() -> None:
-    """End OpenCV's threads before a fork: its child would wait for them for ever."""
+    """End OpenCV's threads, which are idle, before a fork: its child would wait for them."""
+    _forking.acquire()
     if opencv := sys.modules.get("cv2"):
         _threads[0] = opencv.getNumThreads()
         opencv.setNumThreads(1)
@@ -30,6 +33,7 @@ def _end_threads() -> None:
 def _allow_threads() -> None:
     if opencv := sys.modules.get("cv2"):
         opencv.setNumThreads(_threads[0])
+    _forking.release()
 
 
 os.register_at_fork(

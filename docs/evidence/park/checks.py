@@ -41,7 +41,7 @@ _EARLY = 0.02  # s of the first forces
 _FIRST_STEPS = 5  # of the solver, whose pressure is not settled yet
 # way of the tip over the thickness: beyond a sensor's noise, and before a vortex has a force
 _BEGUN, _YOUNG = 0.01, 0.05
-_LAYER = 0.012  # of the thickness, of a layer √(ν t): friction adds 4/√π of it to the inertia
+_LAYER = 0.012  # of the thickness, of a layer √(ν t): a thicker one's friction has a force
 # of the room from the tank's sides to what the finger reaches: where contours of the total run
 _SHARES = (0.3, 0.35, 0.4, 0.45, 0.5)
 _ACCURATE = 1e-3  # of the inertia's sources: a coupled run's 3e-2 left up to 7 % of the force
@@ -246,7 +246,8 @@ def _early_force(run: Run) -> float | str:
     way = np.linalg.norm(moved - moved[0], axis=-1).max(axis=1) / run.scene.finger.thickness
     begins = float(time[np.argmax(way > _BEGUN)])
     some = (time > _FIRST_STEPS * step) & (time <= begins + max(_EARLY, 20 * step)) & (way < _YOUNG)
-    layer = np.sqrt(run.scene.fluid.kinematic_viscosity * time) / run.scene.finger.thickness
+    since = np.maximum(time - time[np.argmax(way > 0.1 * _BEGUN)], 0.0)
+    layer = np.sqrt(run.scene.fluid.kinematic_viscosity * since) / run.scene.finger.thickness
     some &= layer < _LAYER
     if some.sum() < 3:
         return f"{some.sum()} time steps before vortices and friction have a force"

@@ -73,7 +73,7 @@ def measure() -> Result:
         own, theirs = published(scene, rigid), published(scene, PLATE)
         tip = abs(mean(end_of_flag(scene)["across"]))
         checks += [
-            Check(f"{row.run}.share", f"drag {where}, over that of a straight one",
+            Check(f"{row.run}.share", f"drag {where}, over that by the straight one's coefficient",
                   drag / area / rigid, *asked, own[0] / rigid, f"{SOURCE}{rigid:.3g}"),
             Check(f"{row.run}.drag", f"drag {where}", 1e3 * drag, *asked, 1e3 * theirs[0] * area,
                   f"{SOURCE}{PLATE}", "mN"),
