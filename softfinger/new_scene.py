@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
-from pipeline.kinematics.pressure_law import absolute, measured_law
+from pipeline.kinematics.pressure_law import absolute, harmless_smoothing, measured_law
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate, of_page
 from pipeline.runs.run import NOT_FASTER, open_run
@@ -39,7 +39,6 @@ _LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 # of a finger's vibration and of the pressure's smoothing; of a run
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100
-_HARMLESS = 0.01  # of the pressure's range: what a longer smoothing may change
 _MOST_STEPS = 1000  # that a run may take to resolve the smoothing
 # of cells with the distance from the wall, as at coarse: without it those above a root that is near
 # the surface are so large that the flow makes circulation, 8 % of the tip vortex's
@@ -99,7 +98,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
                 " pressures, in Pa"
             ) from None
         slower, period = _pace(likely.period, speed / scale, shipped, end)
-        smoothing = _smoothing(table, period)
+        smoothing = harmless_smoothing(table, period)
         period = smoothing if smoothing > SMOOTHING else period
     end = _up(end + smoothing - SMOOTHING, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
@@ -228,23 +227,6 @@ def _likely(own: Own, shipped: Scene, chambers: int, end: float, scale: float) -
         }
     )
     return ElasticFinger.of(scene, states)
-
-
-def _smoothing(pressure: Path, longest: float) -> float:
-    """The longest average (s) of a history, centred, that changes it by 1 % of its range at most.
-
-    Of `longest`, its half, its quarter and so on; else the usual one.
-    """
-    times, values = read_history(pressure, "pressure", least=2)
-    time = np.arange(times[0], times[-1], 0.25 * SMOOTHING)
-    usual = measured_law(pressure)(time + 0.5 * SMOOTHING)
-    span = round(longest, 3)
-    while span >= 2 * SMOOTHING:
-        change = np.abs(measured_law(pressure, span)(time + 0.5 * span) - usual).max()
-        if change < _HARMLESS * np.ptp(values):
-            return span
-        span = round(0.5 * span, 3)
-    return SMOOTHING
 
 
 def _steps(period: float, step: float) -> float:

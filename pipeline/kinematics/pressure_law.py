@@ -13,6 +13,7 @@ from piv.formats.user_tables import read_history
 
 _ATMOSPHERE = 90e3  # Pa, or more: at rest no finger has so much
 _FEWEST = 3  # rows of a long table within the run; fewer are a sign of times in ms
+_HARMLESS = 0.01  # of a range of pressure: what a longer smoothing may change
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
 
@@ -66,6 +67,23 @@ def measured_law(path: Path, smoothing: float = SMOOTHING, end_time: float = np.
     if smoothing:
         return _averaged_law(times, pressure, smoothing)
     return history_law(times, pressure)
+
+
+def harmless_smoothing(path: Path, longest: float) -> float:
+    """The longest average (s) of a history, centred, that changes it by 1 % of its range at most.
+
+    Of `longest`, its half, its quarter and so on; else the usual one. StageError.
+    """
+    times, values = read_history(path, "pressure", least=2)
+    time = np.arange(times[0], times[-1], 0.25 * SMOOTHING)
+    usual = measured_law(path)(time + 0.5 * SMOOTHING)
+    span = round(longest, 3)
+    while span >= 2 * SMOOTHING:
+        change = np.abs(measured_law(path, span)(time + 0.5 * span) - usual).max()
+        if change < _HARMLESS * np.ptp(values):
+            return span
+        span = round(0.5 * span, 3)
+    return SMOOTHING
 
 
 def absolute(path: Path) -> str:
