@@ -36,6 +36,7 @@ _SIGNS = 8  # changes of sign in a row that show an alternating mode
 # of the root's moment by the water's inertia, where the mode counts and where it has ceased; what
 # the pressure solver leaves at the start is a thousandth
 _LARGE, _SMALL = 0.2, 0.02
+_RECENT = 100  # steps of a current's loads, which may grow: a flag's did, and a mean fed it
 TIP_TOLERANCE = 0.005  # of the length: largest change of the tip by one evaluation
 ENERGY_TOLERANCE = 0.02  # of the work that is left open
 
@@ -146,7 +147,8 @@ class Coupling:
         until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
         large = self._inertial_moment(number)
         if self._running:  # a current may move what the pressure does not
-            large += float(np.median(np.abs(self.loads[1 : number + 1, :, 1] @ arm)))
+            pushed = np.abs(self.loads[1 : number + 1, :, 1] @ arm)
+            large += float(max(np.median(pushed), np.median(pushed[-_RECENT:])))
         grows = (bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * large)
         anew = not np.array_equal(self.inertia[number], self.inertia[number + 1])
         ceased = anew and max(until, since) < _SMALL * large

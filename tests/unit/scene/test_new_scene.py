@@ -114,7 +114,7 @@ def test_a_long_pressure_with_a_quick_part_keeps_it_and_its_steps_resolve_it(tmp
 def test_the_root_is_as_deep_as_a_finger_curls_up_in_a_tank_with_room(tmp_path):
     """At 28 kPa such a finger bends by 207° and left the water, 20 mm above its root."""
     scene = make(tmp_path, 0.096, 0.033, (0.438, 0.216, 0.271))
-    assert scene.tank.water_depth - scene.finger.root[1] > 0.028
+    assert scene.tank.water_depth - scene.finger.root[1] > 0.035
 
 
 def test_a_coupled_run_of_few_cells_costs_what_follows_the_finger(tmp_path):
