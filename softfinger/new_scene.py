@@ -30,7 +30,6 @@ PARENT = Path("cases/single_finger")
 _FILLED = 0.9  # of the tank's height: the experiment's
 _ABOVE_ROOT, _LEAST_ABOVE_ROOT = 0.055, 0.02  # m of water: the experiment's, and a shallow tank's
 _BELOW_TIP, _LEAST_BELOW_TIP = 0.1, 0.01  # m of water
-_CURLED = 0.22  # of the length: an arc of 257° rises so far above its root, its back farther
 _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over that of a side wall
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
@@ -77,7 +76,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
     scaled = {key: round(scale * getattr(actuator, key), 7) for key in _SECTION}
     actuator = actuator.model_copy(update=scaled | {"l2": scale * actuator.l2})
     _check_section(own, scale * shipped.finger.thickness, actuator.b1)
-    placed = _placed(own, scale * shipped.finger.thickness)
+    placed = _placed(own)
     times, pressure = read_history(own.pressure, "pressure", least=2)
     measured_law(own.pressure)  # refuses kPa
     chambers = max(2, round((own.length + actuator.gap) / actuator.pitch))
@@ -108,7 +107,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "parent": os.path.relpath(parent, folder),
         "parent_name": shipped.folder.resolve().name,
         "smoothing": smoothing,
-        "smoothed": f"smoothing = {smoothing}\n" if smoothing > SMOOTHING else "",
+        "smoothed": f"smoothing = {smoothing}  # s\n" if smoothing > SMOOTHING else "",
         "title": folder.name.replace("_", " ").capitalize(),
         "tank": [float(x) for x in own.tank],
         **placed,
@@ -173,12 +172,10 @@ def _check_section(own: Own, thickness: float, side_wall: float) -> None:
             )
 
 
-def _placed(own: Own, thickness: float) -> dict[str, Any]:
-    """Water depth and root of a finger of a `thickness` (m); StageError where it has no room."""
+def _placed(own: Own) -> dict[str, Any]:
+    """Water depth and root for a finger in a tank; StageError where it does not fit."""
     depth = math.floor(round(1e3 * _FILLED * own.tank[1], 6)) / 1e3
-    left = depth - own.length
-    curled = min(_CURLED * own.length + thickness, left / 2)
-    above = min(max(left - _BELOW_TIP, _LEAST_ABOVE_ROOT, curled), _ABOVE_ROOT)
+    above = min(max(depth - own.length - _BELOW_TIP, _LEAST_ABOVE_ROOT), _ABOVE_ROOT)
     below = depth - above - own.length
     if below < _LEAST_BELOW_TIP:
         raise StageError(

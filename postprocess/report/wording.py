@@ -215,8 +215,9 @@ def tiles(comparison: dict[str, Any], end: float | None) -> list[tuple[str, str,
         if source in summary:
             mean = summary[source]["circulation_mean"]
             sense = "clockwise" if mean < 0 else "counter-clockwise"
+            count = summary[source]["instants"]
             remark = (
-                f"mean of {summary[source]['instants']} instants, {window};"
+                f"mean of {count} instant{'s' * (count != 1)}, {window};"
                 f" {sense}, {summary[source]['side'] or 'undecided'} side{ended}"
             )
             out.append((quantity(abs(mean), "m²/s"), f"tip vortex, {PAIRS[source]}", remark))

@@ -10,7 +10,7 @@ from pipeline.formats.bending_states import read
 from pipeline.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
 from pipeline.structure.chain import MIDDLE, Chain, placed
-from pipeline.structure.coupling import _MEAN, _PARABOLA, Check, Coupling
+from pipeline.structure.coupling import _MEAN, _PARABOLA, _RECENT, Check, Coupling
 from pipeline.structure.motion import Surroundings, felt, motion, past, turning
 from tests.analytic.structure.beams import beam
 from tests.conftest import CASES
@@ -175,6 +175,19 @@ def test_a_mode_counts_from_a_fifth_of_the_waters_inertia_until_a_fiftieth(chain
     # the earlier half begins seven steps before, with 4.8 times as much
     assert first_order(0.03 / 0.8**-7, 0.8, [39])
     assert not first_order(0.018 / 0.8**-7, 0.8, [39])
+
+
+def test_in_a_current_a_mode_counts_by_the_loads_of_late(chain):
+    """A flutter grew from loads a thousandth as large, beside which its own noise was a mode."""
+    arm, number = chain.arc[chain.joints[-2]], 350
+    steps = np.arange(number + 20) - number
+    for share, counts in ((0.19, False), (0.21, True)):
+        history = Coupling(chain, STEP, AIR, np.zeros(len(steps)), running=True)
+        history.loads[:, -1, 1] = np.where(steps < -_RECENT, 1e-3, 1.0) / arm
+        last = share / (1 + 1 / 1.01) ** 2 / arm
+        history.rest[:, -1, 1] = last * (-1.0) ** steps * 1.01**steps
+        history.choose_order(number)
+        assert (number in history.first_order) == counts
 
 
 def test_noise_at_the_start_is_no_mode(chain, water):

@@ -106,15 +106,9 @@ def test_cells_of_plane_levels_grow_with_the_distance_from_the_wall(tmp_path):
 
 def test_a_long_pressure_with_a_quick_part_keeps_it_and_its_steps_resolve_it(tmp_path):
     for rows, least in (("t,p\n0,0\n20,20000\n", 0.3), ("t,p\n0,0\n1,20000\n20,20000\n", 0.1)):
-        motion = (scene := make(tmp_path / f"{least}", 0.07, 0.028, rows=rows)).motion
-        assert least < motion.smoothing < 4 * least
-        assert motion.smoothing >= 20 * scene.numerics.time_step * 0.99
-
-
-def test_the_root_is_as_deep_as_a_finger_curls_up_in_a_tank_with_room(tmp_path):
-    """At 28 kPa such a finger bends by 207° and left the water, 20 mm above its root."""
-    scene = make(tmp_path, 0.096, 0.033, (0.438, 0.216, 0.271))
-    assert scene.tank.water_depth - scene.finger.root[1] > 0.035
+        scene = make(tmp_path / f"{least}", 0.07, 0.028, rows=rows)
+        assert least < scene.motion.smoothing < 4 * least
+        assert scene.motion.smoothing >= 20 * scene.numerics.time_step * 0.99
 
 
 def test_a_coupled_run_of_few_cells_costs_what_follows_the_finger(tmp_path):
