@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.fea.sections import sections
 from pipeline.formats.bending_states import BendingStates, read_states
-from pipeline.kinematics.pressure_law import absolute, harmless_smoothing, measured_law
+from pipeline.kinematics.pressure_law import absolute, harmless_smoothing, measured_law, moving_time
 from pipeline.kinematics.shapes import circular_states
 from pipeline.runs.estimate import duration, estimate, of_page
 from pipeline.runs.run import NOT_FASTER, open_run
@@ -34,7 +34,8 @@ _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over th
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
-_LONGER = 4.0  # most vector fields of a run, over those of the shipped scene
+# most vector fields of a run, over the shipped scene's: moving throughout, or in a small part
+_LONGER, _LONGER_AT_REST = 4.0, 16.0
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 # of a finger's vibration and of the pressure's smoothing; of a run
 _PERIOD_STEPS, _FEWEST_PICTURES = 20, 100
@@ -99,6 +100,9 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         slower, period = _pace(likely.period, speed / scale, shipped, end)
         smoothing = harmless_smoothing(table, period)
         period = smoothing if smoothing > SMOOTHING else period
+        # half of the shipped scene's fields, or more, in the time that moves
+        moving = np.clip(2 * moving_time(table, smoothing), end / _LONGER_AT_REST, end / _LONGER)
+        sparser = 2 ** max(0, math.ceil(math.log2(moving / slower / shipped.motion.end_time)))
     end = _up(end + smoothing - SMOOTHING, _WHOLE * max(slower, 1.0))
     span = np.ptp(pressure) / 1e3
     step = max((s for s in _PRESSURE_STEPS if s * _FEWEST_STATES <= span), default=0.5)
@@ -126,7 +130,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         "high": pressure.max() / 1e3,
         "end": round(end, 6),
         "source_of_motion": "structure" if likely.known else "fea",
-        "levels": _of_levels(own, shipped, (slower, period), scale, end),
+        "levels": _of_levels(own, shipped, (slower, period), scale, sparser),
     }
     written = [
         (folder / "pressure.csv", f"t,p\n{history}"),
@@ -252,15 +256,13 @@ def _power(value: float) -> float:
 
 
 def _of_levels(
-    own: Own, shipped: Scene, pace: tuple[float, float], scale: float, end: float
+    own: Own, shipped: Scene, pace: tuple[float, float], scale: float, sparser: int
 ) -> str:
     """Tables of levels: times as fast as the tip, cells for the thickness and a small tank.
 
     `pace`: as of `_pace`; the period keeps its least number of steps at each level.
     """
     slower, period = pace
-    longer = end / slower / shipped.motion.end_time / _LONGER
-    sparser = 2 ** max(0, math.ceil(math.log2(longer)))
     largest = math.floor(1e3 * min(*own.tank[::2], _FILLED * own.tank[1]) / 4) / 1e3
     text = ""
     layers = read_layers(shipped.folder / "scene.toml")

@@ -14,6 +14,7 @@ from piv.formats.user_tables import read_history
 _ATMOSPHERE = 90e3  # Pa, or more: at rest no finger has so much
 _FEWEST = 3  # rows of a long table within the run; fewer are a sign of times in ms
 _HARMLESS = 0.01  # of a range of pressure: what a longer smoothing may change
+_STILL = 0.1  # of a history's largest rate, below which it rests
 SETTLING_2_PERCENT = 7.5166  # x at which 1 - (1 + x + x^2/2) exp(-x) = 0.98
 
 
@@ -84,6 +85,17 @@ def harmless_smoothing(path: Path, longest: float) -> float:
             return span
         span = round(0.5 * span, 3)
     return SMOOTHING
+
+
+def moving_time(path: Path, smoothing: float) -> float:
+    """Seconds in which a smoothed history changes by a tenth of its largest rate or faster.
+
+    StageError.
+    """
+    times, _ = read_history(path, "pressure", least=2)
+    time = np.arange(times[0], times[-1] + smoothing, 0.25 * smoothing)
+    rate = np.abs(measured_law(path, smoothing)(time, 1))
+    return 0.25 * smoothing * float(np.count_nonzero(rate > _STILL * rate.max()))
 
 
 def absolute(path: Path) -> str:

@@ -140,6 +140,15 @@ def test_a_long_run_has_four_times_the_shipped_vector_fields_at_most(tmp_path):
     assert smoke.piv.window == 16
 
 
+def test_a_stroke_within_a_long_rest_is_seen_at_many_instants(tmp_path):
+    """Of a rise of 1 s in a log of 20 s the page had one instant."""
+    scene = make(tmp_path, 0.07, 0.028, rows="t,p\n0,0\n1,20000\n20,20000\n")
+    for level in ("smoke", "draft", "coarse"):
+        at = load_scene(scene.folder, level)
+        rate = at.camera.frame_rate_hz or at.sheet.rate_hz
+        assert 12 <= rate / frames_apart(at.camera, at.piv) <= 100  # in 1 s
+
+
 def test_pressure_and_water_move_an_own_finger_unless_it_is_prescribed(tmp_path):
     assert make(tmp_path).coupled
     scene = load_scene(PARENT, "draft", {"motion.source": "structure"}, tmp_path)
