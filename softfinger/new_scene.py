@@ -34,7 +34,7 @@ _LEAST_SLENDER, _LEAST_CAVITY = 2.0, 2.5  # length over thickness; width over th
 _FEWEST_STATES = 8
 _PRESSURE_STEPS = (0.5, 1, 2, 5, 10, 20, 50)  # kPa
 _STEP_SPEED = 0.35  # m/s, for which the levels' times were chosen
-# most vector fields of a run, over the shipped scene's: moving throughout, or in a small part
+# at most so many times the shipped scene's vector fields: in a run that moves, that mostly rests
 _LONGER, _LONGER_AT_REST = 4.0, 16.0
 _PLANE_WINDOW = 16  # px, of plane levels: half of the others', in pictures of a quarter
 # of a finger's vibration and of the pressure's smoothing; of a run
@@ -100,7 +100,7 @@ def write_scene(folder: Path, own: Own, parent: Path = PARENT) -> Scene:
         slower, period = _pace(likely.period, speed / scale, shipped, end)
         smoothing = harmless_smoothing(table, period)
         period = smoothing if smoothing > SMOOTHING else period
-        # half of the shipped scene's fields, or more, in the time that moves
+        # the finger keeps a quarter of the shipped scene's fields, or more, while it moves
         moving = np.clip(2 * moving_time(table, smoothing), end / _LONGER_AT_REST, end / _LONGER)
         sparser = 2 ** max(0, math.ceil(math.log2(moving / slower / shipped.motion.end_time)))
     end = _up(end + smoothing - SMOOTHING, _WHOLE * max(slower, 1.0))
