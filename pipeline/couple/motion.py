@@ -147,6 +147,6 @@ class CoupledMotion:
                 "tip_change": result.tip,
                 "open_energy": result.open_energy,
                 "moment_share": result.moment,
-                "first_order": len(h.first_order) * self.step,
+                "alternated": len(h.alternating) * self.step,
             },
         )

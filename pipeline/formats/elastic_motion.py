@@ -16,9 +16,9 @@ contact_force  time  N  of the film on the whole finger, away from what its tip 
 tip_change  -  m  by which the run's own loads would move the tip, at most: the check of the motion
 open_energy  -  1  work and energy that do not match, over the pressure's work
 moment_share  -  1  largest moment on a joint over that of the table in states.h5
-first_order  -  s  time for which the loads were continued to first order, since a mode alternated
+alternated  -  s  time for which the loads alternated by steps and were continued as a line
 """),
-    version=2,
+    version=3,
 )
 
 read_elastic_motion, write_elastic_motion = SCHEMA.read, SCHEMA.write

@@ -40,9 +40,9 @@ open_energy?  -  1  coupled: work and energy that do not match, over the pressur
 moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
 contact_force?  -  N  coupled: largest force of the film on a whole finger; 0: it touches nothing
 contact_impulse?  -  N s  coupled: impulse of the film on a whole finger
-first_order?  -  s  coupled: time for which the loads were continued to first order
+alternated?  -  s  coupled: time for which the loads were continued as a line
 """),
-    version=3,
+    version=4,
 )
 read_loads, write_loads = SCHEMA.read, SCHEMA.write
 _WORTH = 1.0  # degrees of bend
@@ -70,11 +70,11 @@ def motion_sentence(values: Mapping[str, Any]) -> str:
     if values["unknown"] and not values["coupled"]:
         return str(values["unknown"])
     if values["coupled"]:
-        late = values["first_order"]
-        order = f", continued to first order for {late:.2g} s," if late else ""
+        late = values["alternated"]
+        line = f", which it continued as a line for {late:.2g} s," if late else ""
         return (
             "Pressure and water make the finger's motion together. Computed again under the loads"
-            f" of the run{order} its tip moves by {values['tip_change'] * 1e3:.2g} mm, and"
+            f" of the run{line} its tip moves by {values['tip_change'] * 1e3:.2g} mm, and"
             f" {100 * values['open_energy']:.1f} % of the work is unexplained."
             + (
                 f" Its joints bear up to {values['moment_share']:.1f} times the moment to which its"

@@ -151,7 +151,7 @@ COUPLED = {
             sections=BY_NAME["kinematics"].sections | _STRUCTURE,
         ),
         replace(BY_NAME["case"], version=4),
-        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=2),
+        replace(BY_NAME["solve"], module="pipeline.couple.stage", version=3),
         *(
             replace(stage, inputs=tuple(name for name in stage.inputs if name not in _GUESSED))
             for stage in STAGES if "solve" in stage.inputs and _GUESSED & {*stage.inputs}

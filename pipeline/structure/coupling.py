@@ -6,8 +6,8 @@ fictitious mass (Baek and Karniadakis, J. Comput. Phys. 231 (2012) 629), with th
 has. Consider a mode with a structural mass m, an added mass a and a fictitious mass f. Each step
 multiplies it by the roots z of z^4 = q (w0 z^3 + w1 z^2 + w2 z + w3), where q = (f - a) / (m + f)
 and w are the weights of the rest at the last steps. With a parabola it is stable for
--0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m; with a mean for -2 < q < 1, thus for
-f > (a - 2 m) / 3.
+-0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m; with a line of least squares for -1 < q < 1, thus
+for f > (a - m) / 2.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from pipeline.structure.motion import (
     turning,
 )
 
-# Weights of the rest now and before: they continue a parabola and double what alternates; a mean
+# Weights of the rest now and before: they continue a parabola and double what alternates; the line
+# of least squares through four steps keeps it as it is
 _PARABOLA = np.array([2.375, -1.125, -0.875, 0.625])
-_MEAN = np.array([0.5, 0.5, 0.0, 0.0])
+_LINE = np.array([1.0, 0.5, 0.0, -0.5])
 _SIGNS = 8  # changes of sign in a row that show an alternating mode
 # of the root's moment by the water's inertia, where the mode counts and where it has ceased; what
 # the pressure solver leaves at the start is a thousandth
 _LARGE, _SMALL = 0.2, 0.02
-_RECENT = 100  # steps of a current's loads, which may grow: a flag's did, and a mean fed it
 TIP_TOLERANCE = 0.005  # of the length: largest change of the tip by one evaluation
 ENERGY_TOLERANCE = 0.02  # of the work that is left open
 
@@ -67,7 +67,7 @@ class Coupling:
     (time, slice, 3): N along and across each slice, and N m; `rest`: of the water's loads without
     those of the `inertia` (time, slice, 3, slice + 1), by which the step to that time was made: as
     Surroundings', and last by the pressure's second derivative at fixed headings, N s²/Pa and
-    N m s²/Pa. `first_order`: steps from whose end on the rest was continued as its mean.
+    N m s²/Pa. `alternating`: steps from whose end on the rest was continued as a line.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Coupling:
         self.delta = np.zeros(self.loads.shape[:2])
         self.delta[0] = at_rest(chain, float(pressure[0]), water, self.loads[0])
         self.inertia = np.zeros((*self.loads.shape, chain.slices + 1))
-        self.first_order: list[int] = []
+        self.alternating: list[int] = []
         # (time, slice + 1): angular accelerations, and the pressure's second derivative
         every = [past(number) for number in range(len(pressure))]
         still = np.zeros((len(every[0]), chain.slices))
@@ -128,14 +128,15 @@ class Coupling:
 
         The contact is that of the next time.
         """
-        weights = _MEAN if number in self.first_order else _PARABOLA
+        weights = _LINE if number in self.alternating else _PARABOLA
         before = np.maximum(number - np.arange(len(weights)), 0)
         return self._moved(number + 1, np.tensordot(weights, self.rest[before], 1), self.delta)
 
     def choose_order(self, number: int) -> None:
-        """Continue the rest as its mean while it changes its sign from step to step, and grows.
+        """Continue the rest as a line while it changes its sign from step to step, and grows.
 
-        It counts above a share of what the water's inertia loads in the motion by the pressure
+        A mean would do so, too. It lags by 1.5 steps, which fed the flutter of a flag. The mode
+        counts above a share of what the water's inertia loads in the motion by the pressure
         alone. An inertia that is far from the water's causes it: once the mode has ceased and the
         inertia is learnt anew, the rest is a parabola again.
         """
@@ -147,13 +148,12 @@ class Coupling:
         until, since = np.abs(bent[:half]).max(), np.abs(bent[half:]).max()
         large = self._inertial_moment(number)
         if self._running:  # a current may move what the pressure does not
-            pushed = np.abs(self.loads[1 : number + 1, :, 1] @ arm)
-            large += float(max(np.median(pushed), np.median(pushed[-_RECENT:])))
+            large += float(np.median(np.abs(self.loads[1 : number + 1, :, 1] @ arm)))
         grows = (bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * large)
         anew = not np.array_equal(self.inertia[number], self.inertia[number + 1])
         ceased = anew and max(until, since) < _SMALL * large
-        if grows or (number - 1 in self.first_order and not ceased):
-            self.first_order.append(number)
+        if grows or (number - 1 in self.alternating and not ceased):
+            self.alternating.append(number)
 
     def _inertial_moment(self, number: int) -> float:
         """Largest moment (N m) about the root of the water's inertia, in the unloaded motion.

@@ -123,7 +123,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     if scene.coupled:
         file = read_elastic_motion(scene.out / FILE)
         time, delta = file["time"].values, file["delta"].values
-        names = ("tip_change", "open_energy", "moment_share", "first_order")
+        names = ("tip_change", "open_energy", "moment_share", "alternated")
         values |= {"coupled": 1} | {name: file.attrs[name] for name in names}
         pushed = file["contact_force"].values
         values["contact_force"] = float(pushed.max())

@@ -100,11 +100,11 @@ def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path,
     assert "bears a moment far beyond the table" in found.attrs["unknown"]
     assert "bend_in_water" not in found
     coupled = dict(found.attrs) | {
-        "coupled": 1, "first_order": 0, "tip_change": 0.0, "open_energy": 0.0, "moment_share": 1.0,
+        "coupled": 1, "alternated": 0, "tip_change": 0.0, "open_energy": 0.0, "moment_share": 1.0,
         "contact_force": 0.5, "contact_impulse": 0.012,
     }  # fmt: skip
     assert "make the finger's motion together" in motion_sentence(coupled)
     assert "with at most 0.5 N, and with 0.012 N s in all." in motion_sentence(coupled)
     assert "first order" not in motion_sentence(coupled)
-    assert "to first order for 0.02 s, its tip" in motion_sentence(coupled | {"first_order": 0.02})
+    assert "as a line for 0.02 s, its tip" in motion_sentence(coupled | {"alternated": 0.02})
     assert motion_sentence(coupled).endswith(str(found.attrs["unknown"]))
