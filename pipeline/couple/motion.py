@@ -15,7 +15,7 @@ from pipeline.kinematics.contact import gap, nearest
 from pipeline.kinematics.finger import finger_motion
 from pipeline.kinematics.values import kinematics_values, write_motion
 from pipeline.openfoam.displacement_files import steps_of
-from pipeline.scene.current import lead_steps
+from pipeline.scene.current import Stream, lead_steps
 from pipeline.scene.scene import Scene
 from pipeline.solve.interval import SolverInterval
 from pipeline.structure.coupling import Coupling
@@ -49,7 +49,7 @@ class CoupledMotion:
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         running = lead_steps(scene) > 0
         chain, water = self.finger.chain, self.finger.water
-        self.history = Coupling(chain, self.step, water, pressure, running)
+        self.history = Coupling(chain, self.step, water, pressure, running, self._passage())
         self.force = np.zeros(self.last + 1)  # of the contact, N
         self._film = 0.0  # N s: the film's impulse by its strain (`_strain`)
         if scene.pinch is not None:
@@ -59,6 +59,12 @@ class CoupledMotion:
         times = np.linspace(0.0, scene.motion.end_time, 3)
         start = self.finger.shapes(times, pressure[[0, 0, 0]], self.history.delta[[0, 0, 0]])
         self._motion = finger_motion(scene.motion, scene.finger, None, scene.folder, start)
+
+    def _passage(self) -> int | None:
+        """Time steps in which the current passes the finger; None without one."""
+        scene, stream = self.scene, Stream.of(self.scene)
+        speed = stream.peak(scene.motion.end_time, self.step) if stream else 0.0
+        return max(1, round(scene.finger.length / speed / self.step)) if speed else None
 
     def outline(self, pressure: float, delta: FloatArray) -> FloatArray:
         """Closed outline (point, 2) m in the tank at a pressure (Pa) and rotations (slice,)."""

@@ -77,13 +77,15 @@ class Coupling:
         water: Surroundings,
         pressure: FloatArray,
         running: bool = False,
+        passage: int | None = None,
     ) -> None:
         """At rest at the first pressure; `step` in s; `running`: in water that flows at 0 s.
 
-        The finger is then held until the first step has given the stream's loads at 0 s.
+        The finger is then held until the first step has given the stream's loads at 0 s. `passage`:
+        time steps in which a current passes the finger.
         """
         self.chain, self.step, self.water, self.pressure = chain, step, water, pressure
-        self._running = running
+        self._running, self._passage = running, passage
         self.unloaded = chain.unloaded(pressure)
         self.loads = np.zeros((len(pressure), chain.slices, 3))
         self.contact, self.rest = np.zeros_like(self.loads), np.zeros_like(self.loads)
@@ -91,6 +93,7 @@ class Coupling:
         self.delta[0] = at_rest(chain, float(pressure[0]), water, self.loads[0])
         self.inertia = np.zeros((*self.loads.shape, chain.slices + 1))
         self.alternating: list[int] = []
+        self._ceased = False  # whether a mode has, that this inertia may make again
         # (time, slice + 1): angular accelerations, and the pressure's second derivative
         every = [past(number) for number in range(len(pressure))]
         still = np.zeros((len(every[0]), chain.slices))
@@ -137,8 +140,8 @@ class Coupling:
 
         A mean would do so, too. It lags by 1.5 steps, which fed the flutter of a flag. The mode
         counts above a share of what the water's inertia loads in the motion by the pressure
-        alone. An inertia that is far from the water's causes it: once the mode has ceased and the
-        inertia is learnt anew, the rest is a parabola again.
+        alone. Once it has ceased the rest is a parabola again. A mode that returns is caused by an
+        inertia that is far from the water's: the rest then is a line until that is learnt anew.
         """
         if not _SIGNS + 4 <= number < len(self.rest) - 1:
             return
@@ -151,9 +154,13 @@ class Coupling:
             large += float(np.median(np.abs(self.loads[1 : number + 1, :, 1] @ arm)))
         grows = (bent[1:] * bent[:-1] < 0).all() and since > max(until, _LARGE * large)
         anew = not np.array_equal(self.inertia[number], self.inertia[number + 1])
-        ceased = anew and max(until, since) < _SMALL * large
-        if grows or (number - 1 in self.alternating and not ceased):
+        self._ceased &= not anew
+        goes_on = number - 1 in self.alternating
+        quiet = max(until, since) < _SMALL * large and not self._ceased
+        if grows or (goes_on and not quiet):
             self.alternating.append(number)
+        elif goes_on:
+            self._ceased = not anew
 
     def _inertial_moment(self, number: int) -> float:
         """Largest moment (N m) about the root of the water's inertia, in the unloaded motion.
@@ -179,4 +186,5 @@ class Coupling:
         loads = self.loads + self.contact
         parts = energies(chain, pressure, delta, self.step, self.water, loads)
         share = chain.share(chain.moments(pressure, delta))
-        return Check(float(np.hypot(*change[:, -1].T).max()), open_share(parts), share)
+        tip = float(np.hypot(*change[:, -1].T).max())
+        return Check(tip, open_share(parts, self._passage), share)

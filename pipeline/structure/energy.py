@@ -65,13 +65,17 @@ def energies(
     }
 
 
-def open_share(parts: Mapping[str, Any]) -> float:
+def open_share(parts: Mapping[str, Any], span: int | None = None) -> float:
     """Largest gap between work done and energy stored or lost, over the largest work.
 
-    That of the pressure, or of a current's water, which moves a finger without pressure.
+    That of the pressure, or of a current's water, which moves a finger without pressure. `span`:
+    time steps in which the gap counts, since a flutter's adds up over its periods; None: all.
     """
     left = np.asarray(parts["pressure_work"]) + parts["water_work"] + parts["weight_work"]
     for name in ("elastic_energy", "kinetic_energy", "damping_loss"):
         left = left - np.asarray(parts[name])
     works = np.abs([parts["pressure_work"], parts["water_work"]])
-    return float(np.abs(left).max() / works.max())
+    before = np.zeros_like(left)
+    if span is not None:
+        before[span:] = left[:-span]
+    return float(np.abs(left - before).max() / works.max())
