@@ -149,14 +149,13 @@ def test_the_stated_bounds_of_stability(weights, low, high):
 
 
 def test_water_that_is_not_known_makes_a_mode_alternate_until_it_is_known(chain, water):
-    """By a line the mode ceases. By a parabola it returns, and the line stays."""
+    """By a line the mode ceases; by a parabola it would return while the cause is there."""
     history = coupled(chain, water, 0.3 * water)
-    begins = [k for k in history.alternating if k - 1 not in history.alternating]
-    assert len(begins) == 2
-    assert history.alternating[-1] == len(TIME) - 2
-    assert not history.check().fault(chain.arc[-1])
-    known = np.multiply.outer(np.where(np.arange(len(TIME)) <= 55, 0.3, 1.0), water)
-    assert begins[1] < 55 < coupled(chain, water, known).alternating[-1] < len(TIME) - 2
+    assert history.alternating == list(range(history.alternating[0], len(TIME) - 1))
+    assert not history.check().fault(chain.arc[-1])  # by a mean 2.1 % of the work were open
+    known = np.multiply.outer(np.where(np.arange(len(TIME)) <= 50, 0.3, 1.0), water)
+    history = coupled(chain, water, known)
+    assert history.alternating == list(range(history.alternating[0], 50))
 
 
 def test_open_energy_of_a_flutter_counts_while_the_stream_passes():
