@@ -64,7 +64,8 @@ def measure() -> Result:
         speed, finger = scene.current.speed or 0.0, scene.finger
         area = 0.5 * scene.fluid.density * speed**2 * finger.length * finger.width
         drag = mean(forces(scene)["drag"]) * finger.width
-        where = f"of the blade at {100 * speed:g} cm/s"
+        half = ", half" if scene.model.kind == "half" else ""
+        where = f"of the blade at {100 * speed:g} cm/s{half}"
         if not scene.coupled:
             rigid, source = drag / area, "flat plate, by Luhar & Nepf 2011"
             what = f"drag coefficient {where}, kept straight"
