@@ -49,7 +49,8 @@ class CoupledMotion:
         pressure = self.finger.chambers(self.step * np.arange(self.last + 1))
         running = lead_steps(scene) > 0
         chain, water = self.finger.chain, self.finger.water
-        self.history = Coupling(chain, self.step, water, pressure, running, self._passage())
+        passage = self._passage() if np.ptp(pressure) == 0 else None
+        self.history = Coupling(chain, self.step, water, pressure, running, passage)
         self.force = np.zeros(self.last + 1)  # of the contact, N
         self._film = 0.0  # N s: the film's impulse by its strain (`_strain`)
         if scene.pinch is not None:
@@ -61,7 +62,7 @@ class CoupledMotion:
         self._motion = finger_motion(scene.motion, scene.finger, None, scene.folder, start)
 
     def _passage(self) -> int | None:
-        """Time steps in which the current passes the finger; None without one."""
+        """Time steps in which a current's peak goes a length of the finger; None without one."""
         scene, stream = self.scene, Stream.of(self.scene)
         speed = stream.peak(scene.motion.end_time, self.step) if stream else 0.0
         return max(1, round(scene.finger.length / speed / self.step)) if speed else None

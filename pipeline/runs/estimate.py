@@ -17,7 +17,7 @@ _SIZES = {
 }
 _EACH = 0.25  # of such a cost: what an instant takes however few its points are
 _FLOW_ALONE = 0.7  # of the pictures of a page with PIV: the slider has one field, not three
-# in a plane flow more vortices are found and fitted: 1.7 to 3 times (busy machine, docs/park.csv)
+# in a plane flow more vortices are found and fitted
 _PLANE_VORTICES = 2.0
 _START = 0.5  # s of any stage: its process, and what it imports
 

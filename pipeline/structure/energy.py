@@ -69,13 +69,15 @@ def open_share(parts: Mapping[str, Any], span: int | None = None) -> float:
     """Largest gap between work done and energy stored or lost, over the largest work.
 
     That of the pressure, or of a current's water, which moves a finger without pressure. `span`:
-    time steps in which the gap counts, since a flutter's adds up over its periods; None: all.
+    time steps over which both count, as the gap of a flutter grows from period to period; None:
+    the whole motion.
     """
+
+    def within(value: FloatArray) -> FloatArray:
+        return value if span is None else value - np.pad(value, (span, 0))[: len(value)]
+
     left = np.asarray(parts["pressure_work"]) + parts["water_work"] + parts["weight_work"]
     for name in ("elastic_energy", "kinetic_energy", "damping_loss"):
         left = left - np.asarray(parts[name])
-    works = np.abs([parts["pressure_work"], parts["water_work"]])
-    before = np.zeros_like(left)
-    if span is not None:
-        before[span:] = left[:-span]
-    return float(np.abs(left - before).max() / works.max())
+    works = [within(np.asarray(parts[name])) for name in ("pressure_work", "water_work")]
+    return float(np.abs(within(left)).max() / np.abs(works).max())

@@ -64,8 +64,8 @@ def measure() -> Result:
         speed, finger = scene.current.speed or 0.0, scene.finger
         area = 0.5 * scene.fluid.density * speed**2 * finger.length * finger.width
         drag = mean(forces(scene)["drag"]) * finger.width
-        half = ", half" if scene.model.kind == "half" else ""
-        where = f"of the blade at {100 * speed:g} cm/s{half}"
+        which = "half the" if scene.model.kind == "half" else "the whole"
+        where = f"of {which} blade at {100 * speed:g} cm/s"
         if not scene.coupled:
             rigid, source = drag / area, "flat plate, by Luhar & Nepf 2011"
             what = f"drag coefficient {where}, kept straight"

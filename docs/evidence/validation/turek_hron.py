@@ -33,16 +33,18 @@ def end_of_flag(scene: Scene) -> dict[str, Series]:
     return {"along": (time, (place - place[0]).real), "across": (time, (place - place[0]).imag)}
 
 
-def swing(series: Series, steady: bool) -> dict[str, float]:
+def swing(series: Series, beat: Series | None) -> dict[str, float]:
     """Mean and amplitude, by the extremes of the last whole period, and frequency, Hz.
 
-    As Turek and Hron define them; of a `steady` flow the mean over time.
+    As Turek and Hron define them, with the periods of `beat`, the flag's end or the lift, since drag
+    swings twice in each; None: of a steady flow, the mean over time.
     """
     time, value = series
     late = time > LATE * time[-1]
     time, value = time[late], value[late]
-    begun = periods(time, value - 0.5 * (value.max() + value.min()))
-    if steady or len(begun) < 3:
+    across = np.interp(time, *(beat or series))
+    begun = periods(time, across - 0.5 * (across.max() + across.min()))
+    if beat is None or len(begun) < 3:
         return {"mean": float(value.mean())}
     last = value[(time >= begun[-2]) & (time <= begun[-1])]
     return {
@@ -62,10 +64,11 @@ def measure() -> Result:
         of_water = forces(scene)
         series = of_water | (end_of_flag(scene) if scene.coupled else {})
         test, grid = row.split("_")
+        beat = series.get("across", series["lift"])
         limits = published["tolerance"]
         limits = limits.get(test, limits[test[:3]])
         for quantity, wanted in published[test].items():
-            found = swing(series[quantity], "amplitude" not in wanted)
+            found = swing(series[quantity], beat if "amplitude" in wanted else None)
             for part, value in wanted.items():
                 unit = {"frequency": "Hz"}.get(part, "N/m" if quantity in of_water else "mm")
                 checks.append(

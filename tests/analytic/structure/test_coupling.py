@@ -158,14 +158,41 @@ def test_water_that_is_not_known_makes_a_mode_alternate_until_it_is_known(chain,
     assert history.alternating == list(range(history.alternating[0], 50))
 
 
-def test_open_energy_of_a_flutter_counts_while_the_stream_passes():
-    """It adds up over the periods: a loss of a hundredth in each was refused after three."""
-    time = np.arange(2000)
-    works = {"pressure_work": 0.0 * time, "weight_work": 0.0 * time, "water_work": np.sin(time)}
-    lost = {"elastic_energy": works["water_work"] - 1e-4 * time, "kinetic_energy": 0.0 * time}
-    parts = works | lost | {"damping_loss": 0.0 * time}
-    assert np.isclose(open_share(parts), 0.2, rtol=1e-3)
-    assert np.isclose(open_share(parts, 100), 0.01, rtol=1e-3)
+def test_open_energy_of_a_flutter_counts_within_a_passage():
+    """A loss of a hundredth in each period was refused after some; half of a work stays half."""
+    time, none = np.arange(2000.0), np.zeros(2000)
+    work = np.sin(2 * np.pi * time / 100)
+    parts = dict.fromkeys(("pressure_work", "weight_work", "kinetic_energy", "damping_loss"), none)
+    flutter = parts | {"water_work": work, "elastic_energy": work - 1e-4 * time}
+    assert np.isclose(open_share(flutter), 0.2, rtol=1e-3)
+    assert np.isclose(open_share(flutter, 50), 0.0025, rtol=0.01)  # the work changes by 2
+    drained = parts | {"water_work": time, "elastic_energy": 0.5 * time}
+    for span in (None, 20, 1000, 3000):
+        assert np.isclose(open_share(drained, span), 0.5)
+
+
+@pytest.mark.parametrize("at", [39, 45, 59])
+def test_a_check_by_passages_sees_a_load_wherever_it_is(chain, water, at):
+    """20 steps, from each tenth anew: at 39 and 59 one row of passages has it in its last step."""
+    history = coupled(chain, water, water)
+    history.loads[at, -1, 1] += 5.0  # N, for one step, which did not move the run
+    tip = history.check().tip
+    history._passage = 20
+    assert 0.2 * tip < history.check().tip < 1.2 * tip
+    history._passage = len(TIME) + 1
+    assert history.check().tip == tip
+
+
+def test_a_mode_counts_in_a_current_by_what_moves_a_finger_without_pressure(chain):
+    arm, number = chain.arc[chain.joints[-2]], 40
+    steps = np.arange(71) - number
+    for share, counts in ((0.19, False), (0.21, True)):
+        history = Coupling(chain, STEP, AIR, np.zeros(71), running=True)
+        history.loads[:, -1, 1] = 1.0 / arm
+        last = share / (1 + 1 / 1.01) ** 2 / arm
+        history.rest[:, -1, 1] = last * (-1.0) ** steps * 1.01**steps
+        history.choose_order(number)
+        assert (number in history.alternating) == counts
 
 
 def test_a_mode_counts_from_a_fifth_of_the_waters_inertia_until_a_fiftieth(chain, water):

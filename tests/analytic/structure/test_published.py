@@ -148,12 +148,17 @@ def test_mean_and_amplitude_as_turek_and_hron_define_them():
     """By the extremes of the last period, with which a second harmonic shifts the mean."""
     time = 1e-3 * np.arange(4001)
     turn = 2 * np.pi * 2.0 * time
-    found = swing((time, 5 + 3 * np.sin(turn) + np.cos(2 * turn)), steady=False)
+    beat = time, 2 + np.sin(turn)
+    found = swing((time, 5 + 3 * np.sin(turn) + np.cos(2 * turn)), beat)
     # 3 s + 1 - 2 s², s the sine: from -4 to 1 + 9/8
     assert found["mean"] == pytest.approx(5 + (1 + 9 / 8 - 4) / 2, abs=2e-3)
     assert found["amplitude"] == pytest.approx((1 + 9 / 8 + 4) / 2, abs=2e-3)
     assert found["frequency"] == pytest.approx(2.0, rel=1e-3)
-    assert swing((time, 1 + time), steady=True) == {"mean": pytest.approx(4.0, abs=1e-3)}
+    # a drag that rises through its middle twice in a period, by unequal humps
+    found = swing((time, np.cos(2 * turn) + 0.2 * np.cos(turn)), beat)
+    assert found["frequency"] == pytest.approx(2.0, rel=1e-3)
+    assert found["amplitude"] == pytest.approx(1.1025, abs=2e-3)  # 1.2 and -1.005
+    assert swing((time, 1 + time), None) == {"mean": pytest.approx(4.0, abs=1e-3)}
 
 
 @pytest.mark.parametrize("cauchy, buoyancy", [(3.0, 0.0), (10.0, 2.7), (30.0, 10.0)])
