@@ -36,8 +36,8 @@ def end_of_flag(scene: Scene) -> dict[str, Series]:
 def swing(series: Series, beat: Series | None) -> dict[str, float]:
     """Mean and amplitude, by the extremes of the last whole period, and frequency, Hz.
 
-    As Turek and Hron define them, with the periods of `beat`, the flag's end or the lift, since drag
-    swings twice in each; None: of a steady flow, the mean over time.
+    As Turek and Hron define them. `beat`, the flag's end or the lift, gives the periods, since
+    drag swings twice in each; None: of a steady flow, the mean over time.
     """
     time, value = series
     late = time > LATE * time[-1]
