@@ -12,7 +12,7 @@ from numpy import ndarray
 from piv.files.schema import Schema, variables
 
 if TYPE_CHECKING:  # slow to import: who reads no motion needs none
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import BSpline, CubicSpline
 
 PER_FINGER = {"2d": 1, "half": 2, "quarter": 2, "full": 1}  # computed parts of one, by `model`
 
@@ -43,7 +43,7 @@ class NodeMotion:
     """Twice continuously differentiable motion of nodes, exact at the knots of the parameter."""
 
     pressure: "CubicSpline"
-    shape: "CubicSpline"
+    shape: "CubicSpline | BSpline"
 
     @classmethod
     def of(cls, law: "CubicSpline", planform: xr.Dataset) -> "NodeMotion":
@@ -59,7 +59,7 @@ class NodeMotion:
     def velocity(self, time: float) -> ndarray:
         """Velocities (node, 2) at `time` s, m/s."""
         if time <= 0:
-            return np.zeros(self.shape.c.shape[2:])
+            return np.zeros_like(self.nodes(0.0))
         return self.shape(float(self.pressure(time)), 1) * float(self.pressure(time, 1))
 
 

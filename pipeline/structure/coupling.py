@@ -173,28 +173,28 @@ class Coupling:
         not in this computation, so that an error in step with a flutter would grow by periods.
         """
         chain, pressure, delta, passage = self.chain, self.pressure, self.delta, self._passage
+        once = copy(self)
+        once.rest = np.zeros_like(self.rest)
+        once.inertia = np.broadcast_to(self.inertia[-1], self.inertia.shape)
+        for number in range(1, len(delta)):
+            once.take(number, self.loads[number])
         starts = (0, passage // 2) if passage else (0,)
-        tip = max(self._moved_by_loads(passage, start) for start in starts)
+        tip = max(once._moved_by_loads(passage, start) for start in starts)
         loads = self.loads + self.contact
         parts = energies(chain, pressure, delta, self.step, self.water, loads)
         share = chain.share(chain.moments(pressure, delta))
         return Check(tip, open_share(parts, passage), share)
 
     def _moved_by_loads(self, passage: int | None, start: int) -> float:
-        """Largest distance (m) of the tip from the run's, under the loads of the run.
+        """Largest distance (m) of the tip from the run's, under the rest of the loads at each time.
 
         The motion begins anew at step `start` and after each `passage`.
         """
         chain, pressure, delta = self.chain, self.pressure, self.delta
-        once, after, known = copy(self), delta.copy(), delta.copy()
-        once.rest = np.zeros_like(self.rest)
-        once.inertia = np.broadcast_to(self.inertia[-1], self.inertia.shape)
-        for number in range(1, len(delta)):
-            once.take(number, self.loads[number])
-            if number == 1 and self._running:
-                continue
+        after, known = delta.copy(), delta.copy()
+        for number in range(2 if self._running else 1, len(delta)):
             if passage and number % passage == start:
                 known[:number] = delta[:number]
-            known[number] = after[number] = once._moved(number, once.rest[number], known)
+            known[number] = after[number] = self._moved(number, self.rest[number], known)
         change = chain.profile(pressure, after) - chain.profile(pressure, delta)
         return float(np.hypot(*change[:, -1].T).max())

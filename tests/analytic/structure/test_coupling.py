@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from pipeline.couple.follower import mode_count
+from pipeline.couple.motion import CoupledMotion
 from pipeline.formats.bending_states import read
 from pipeline.formats.finger_loads import motion_sentence
 from pipeline.kinematics.pressure_law import stroke_law
+from pipeline.scene.scene import load_scene
 from pipeline.structure.chain import MIDDLE, Chain, placed
 from pipeline.structure.coupling import _LINE, _PARABOLA, Check, Coupling
 from pipeline.structure.energy import open_share
@@ -237,3 +239,12 @@ def test_the_sentence_of_a_prescribed_motion_says_where_water_would_have_it():
     assert "10° in place of 20° at 0.10 s, and at 99° in place of 90° at 0.40 s" in sentence
     values["bend_in_water"] = bend + 1e-3
     assert "by less than 1°" in motion_sentence(values | {"step": np.arange(4.0)})
+
+
+def test_only_what_a_current_alone_moves_is_checked_by_passages():
+    """The flag of 0.35 m in a parabola with a peak of 1.5 times 2 m/s, with steps of 2.5 ms."""
+    folder, own = CASES / "validation" / "turek_hron", {"numerics.time_step": 0.0025}
+    flag = load_scene(folder, "h1", own)
+    assert CoupledMotion(flag).history._passage == 47  # 0.35 m / 3 m/s / 2.5 ms
+    folder, own = CASES / "finger_in_current", {"motion.source": "structure"}
+    assert CoupledMotion(load_scene(folder, "smoke", own)).history._passage is None

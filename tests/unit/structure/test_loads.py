@@ -105,6 +105,6 @@ def test_a_motion_that_is_not_computed_leaves_the_loads_and_its_reason(tmp_path,
     }  # fmt: skip
     assert "make the finger's motion together" in motion_sentence(coupled)
     assert "with at most 0.5 N, and with 0.012 N s in all." in motion_sentence(coupled)
-    assert "first order" not in motion_sentence(coupled)
+    assert "as a line" not in motion_sentence(coupled)
     assert "as a line for 0.02 s, its tip" in motion_sentence(coupled | {"alternated": 0.02})
     assert motion_sentence(coupled).endswith(str(found.attrs["unknown"]))
