@@ -121,7 +121,7 @@ STAGES = (
     Stage(
         "loads", "pipeline.structure.stage", "the water's loads along the finger, and its energy",
         ("solve",), ("loads.h5",), {"structure": True},
-        cost=(8, 500), by_sources=True,
+        cost=(5, 500), by_sources=True,
     ),
     Stage(
         "figures", "postprocess.report.figures", "pictures of the report",
