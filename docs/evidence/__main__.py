@@ -2,19 +2,20 @@
 
     make evidence    (or python -m docs.evidence [PART ...] [--list])
 
-Two parts run at a time, each on one core. A part that has ended with this code is not run again; of
-code that is not committed it is. One that was stopped goes on where its own records allow. The
-output of a part is .evidence/<part>.log. docs/verification/parts.csv keeps when each has ended, on
-which commit, and its CPU time, from which the estimates are.
+Two parts run at a time, each on one core. docs/verification/parts.csv keeps when each has ended, on
+which commit, and its CPU time, from which the estimates are. A part that has ended with this code
+is not run again, unless its name is given; of code that is not committed it is. Parts that take too
+long for a night run by their names alone. One that was stopped goes on where its own records allow.
+The output of a part is .evidence/<part>.log.
 """
 
 import argparse
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
@@ -22,7 +23,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from piv.files.atomic import write_text
 from postprocess.tables import write_table
 from softfinger.study.table import commit
 
@@ -44,10 +44,14 @@ def _study(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the evidence: its commands, in order, and the parts whose runs it reads."""
+    """A part of the evidence: its commands, in order, and the parts whose runs it reads.
+
+    `long`: it takes hours, and is run by its name alone.
+    """
 
     commands: tuple[tuple[str, ...], ...]
     after: tuple[str, ...] = ()
+    long: bool = False
 
 
 PARTS = {
@@ -73,11 +77,17 @@ PARTS = {
     "faults": Part(((*_PY, "docs.evidence.faults"),)),
     "piv": Part(tuple((*_PY, "docs.evidence.piv", name) for name in _OWN_PIV)),
     "fig-9": Part(((*_PY, "docs.evidence.air_and_water"),)),
-    "park": Part(((*_PY, "docs.evidence.park"),)),
+    "park": Part(((*_PY, "docs.evidence.park"),), long=True),
+    "flutter": Part(
+        (_study("validation/turek_hron_flutter"),
+         (*_PY, "docs.evidence.validation", "turek_hron_flutter")),
+        long=True,
+    ),
     "twin": Part(
         ((*_PY, "docs.evidence.twin", "1", "9", "--coupled"),
          (*_PY, "docs.evidence.twin", "11", "23", "--coupled"),
          (*_PY, "docs.evidence.twin", "207", "218")),
+        long=True,
     ),
     "docs": Part((("make", "docs"),), ("tradeoff", "checks", "stability", "drawn", "coupling")),
 }  # fmt: skip
@@ -85,22 +95,22 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Night:
-    """Parts that are run, two at a time, on the commit `at`."""
+    """Parts that are run, two at a time, on the commit `at`; `again`: also what ended on it."""
 
     parts: dict[str, Part]
     at: str
+    again: bool = False
 
-    def ended(self, name: str) -> bool:
-        """Whether a part has ended well on this commit, if the code is that of a commit."""
-        state = STATE / f"{name}.json"
-        known = self.at and not self.at.endswith("-dirty") and state.exists()
-        return bool(known) and json.loads(state.read_text()) == {"commit": self.at}
+    def due(self) -> dict[str, Part]:
+        """The parts that have not ended well on this commit, or all of unknown code."""
+        made = {} if self.again or self.at.endswith("-dirty") else _table()["commit"]
+        return {name: part for name, part in self.parts.items() if made.get(name) != self.at}
 
-    def left(self) -> str:
+    @staticmethod
+    def left(names: Iterable[str]) -> str:
         """Hours until all have ended: those of the longest, or all over the cores."""
-        open_parts = [name for name in self.parts if not self.ended(name)]
-        known = [hours for name in open_parts if (hours := _hours(name))]
-        more = [name for name in open_parts if not _hours(name)]
+        known = [hours for name in names if (hours := _hours(name))]
+        more = [name for name in names if not _hours(name)]
         hours = max([sum(known) / CORES, *known], default=0.0)
         return f"about {hours:.1f} h" + (f" and {', '.join(more)}" if more else "")
 
@@ -110,10 +120,10 @@ class Night:
         What a part before it has not made, because it failed, its own command refuses.
         """
         STATE.mkdir(exist_ok=True)
-        due = {name: part for name, part in self.parts.items() if not self.ended(name)}
+        due = self.due()
         order = TopologicalSorter({name: due.keys() & part.after for name, part in due.items()})
         order.prepare()
-        failed, jobs = list[str](), dict[Future[float | None], str]()
+        failed, jobs, left = list[str](), dict[Future[float | None], str](), set(due)
         with ThreadPoolExecutor(CORES) as pool:
             try:
                 while order.is_active():
@@ -121,13 +131,14 @@ class Night:
                         jobs[pool.submit(_run, name, due[name])] = name
                     for job in wait(jobs, return_when=FIRST_COMPLETED).done:
                         order.done(name := jobs.pop(job))
+                        left.discard(name)
                         if (hours := job.result()) is None:
                             failed.append(name)
                         else:
                             _record(name, hours, self.at)
                         how = "FAILED" if hours is None else "has ended"
                         clock = time.strftime("%H:%M")
-                        print(f"{clock} {name} {how}, {self.left()} left", flush=True)
+                        print(f"{clock} {name} {how}, {self.left(left)} left", flush=True)
             except KeyboardInterrupt:  # also of SIGTERM: no part begins any more, and those end
                 pool.shutdown(wait=False, cancel_futures=True)
                 for process in list(_RUNNING):
@@ -169,7 +180,6 @@ def _record(name: str, hours: float, at: str) -> None:
     cost = f"{max(hours, _hours(name)):.2f}"
     table.loc[name, ["cpu_h", "from", "made", "commit"]] = [cost, "whole", made, at]
     write_table(TABLE, table.reset_index())
-    write_text(STATE / f"{name}.json", json.dumps({"commit": at}))
 
 
 def main() -> int:
@@ -180,9 +190,10 @@ def main() -> int:
     args = parser.parse_args()
     if unknown := [name for name in args.parts if name not in PARTS]:
         parser.error(f"{unknown[0]}: no such part")
-    night = Night({n: p for n, p in PARTS.items() if n in (args.parts or PARTS)}, commit())
+    wanted = args.parts or [name for name, part in PARTS.items() if not part.long]
+    night = Night({name: PARTS[name] for name in wanted}, commit(), bool(args.parts))
     if args.list:
-        print(f"{_table().to_string()}\n{night.left()} for what has not ended on {night.at}")
+        print(f"{_table().to_string()}\n{night.left(night.due())} for what is due on {night.at}")
         return 0
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     failed = night.run()

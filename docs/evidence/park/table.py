@@ -7,6 +7,7 @@ import argparse
 import json
 import tomllib
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from softfinger.lengths import lengths
 from softfinger.make import Machine, make
 from softfinger.new_scene import PARENT, Own, write_scene
 from softfinger.options import open_moved
+from softfinger.study.table import commit
 
 TABLE = ROOT / "tests" / "park" / "scenes.toml"
 FOLDER = ROOT / "cases" / "single_finger" / "out" / "park"
@@ -37,8 +39,7 @@ _HEAD = """# Own fingers
 (`tests/park/scenes.toml`). It checks what must hold of any scene, at level smoke, coupled and
 prescribed. Four are checked at draft, too. Rows with PIV=0 are of the flow alone. Bold is what
 fails. A text says why a check does not apply. Scenes and rows are missing that were not run.
-Costs were measured beside other work, which makes CPU times up to a half longer. In a new clone the
-first scene compiles for 20 s.
+In a new clone the first scene compiles for 20 s.
 
 """
 _START, _STEP = 0.02, 0.005  # s of rest before a pressure rises, and between its rows
@@ -176,7 +177,8 @@ def page(entries: list[dict[str, Any]], folder: Path) -> str:
         if _outcomes(folder / e["name"])
     ]
     table = ["```{csv-table}", f":file: {CSV.name}", ":header-rows: 1", "```"]
-    return "\n".join([_HEAD, *about, "", *table, "", *_drawn(folder)])
+    made = f"Made on {date.today()}, with the code of commit {commit()}."
+    return "\n".join([_HEAD, *about, "", *table, "", made, "", *_drawn(folder)])
 
 
 def _drawn(folder: Path) -> list[str]:

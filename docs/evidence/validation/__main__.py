@@ -39,7 +39,8 @@ def measure(name: str, again: bool) -> Result | None:
         sprung.NAME: sprung.measure,
         ringdown.NAME: ringdown.measure,
         cantilever.NAME: cantilever.measure,
-        turek_hron.NAME: turek_hron.measure,
+        turek_hron.NAME: partial(turek_hron.measure, turek_hron.NAME),
+        turek_hron.FLUTTER: partial(turek_hron.measure, turek_hron.FLUTTER),
         luhar_nepf.NAME: luhar_nepf.measure,
         "finger_2d": finger.two_dimensional,
         "finger": partial(finger.three_dimensional, FINGER),
@@ -57,6 +58,8 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
             why = "fewer than three grids have been run; make validate runs them"
             if name == ringdown.NAME:
                 why = "the recordings of shared/data/silicone_ringdown are not there"
+            if name == turek_hron.FLUTTER:
+                why = "no run has been made; python -m docs.evidence flutter makes them"
             print(f"{name}: {why}")
             continue
         write_result(result, FOLDER / f"{name}.json")

@@ -13,7 +13,7 @@ from postprocess.tables import write_table
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "verification"
 ORDER = (
     "oscillating_cylinder", "impulsive_cylinder", "accelerating_cylinder", "sprung_cylinder",
-    "cylinder_in_current", "turek_hron", "luhar_nepf",
+    "cylinder_in_current", "turek_hron", "turek_hron_flutter", "luhar_nepf",
     "cantilever_plate", "plate_impulsive",
     "plate_medium_layer", "plate_thin_layer", "plate_accelerating",
     "deforming_mesh", "finger_2d", "finger", "ringdown",
