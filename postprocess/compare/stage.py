@@ -76,7 +76,7 @@ def judge(finding: Finding, evidence: Evidence, seen: Resolution | None = None) 
                         f" because {_HIDDEN['piv' if 'piv' in of else of]}"
                     )
                     continue
-                notes.append(f"Judged at {some} of {every} instants.")
+                notes.append(f"Measured at {some} of {every} instants.")
             value = quantity.measure(part)
             if not (isinstance(value, str) or isfinite(value)):
                 raise ValueError(f"{finding.quantity} of {of} {part.words()} is no number")
