@@ -158,10 +158,9 @@ def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
     farthest = _FARTHEST * length
     carried = np.minimum(path.travel, farthest)[:, None]
     first = last = room + carried * np.ones(2)
-    if scene.pinch:  # along the plane between them
-        down = np.maximum(carried[:, 0], _OF_PINCH * path.travel)
-        first = room + np.outer(down, [0.0, 1.0])
-        last = room + carried * [0.0, 1.0]
+    if scene.pinch:  # down and up the plane between them
+        along = np.maximum(carried[:, 0], _OF_PINCH * path.travel)
+        first = last = room + np.outer(along, [0.0, 1.0])
     drift = np.outer(np.clip(path.drift, -farthest, farthest), [1.0, 0.0])
     if not path.turns and not scene.pinch:
         way = path.places[-1] - path.places[0]

@@ -141,6 +141,16 @@ def test_the_view_is_long_ahead_of_a_tip_that_does_not_turn_back(tmp_path):
     )
 
 
+def test_the_view_of_a_pinch_is_as_long_above_the_tips_as_below(tmp_path):
+    """The upper pair of an own pinch left the view when it went up between the fingers."""
+    (tmp_path / "scene.toml").write_text(f'extends = "{CASES / "pinch"}"')
+    scene = load_scene(tmp_path, "smoke")
+    way, far = np.array([[-0.02, 0.12], [0.0, 0.12]]), np.full(2, 0.02)  # m
+    low, high = _boxes(scene, TipPath(way, 0.5, 0, far, np.zeros(2)))[0][:, 1]
+    assert high - 0.12 == pytest.approx(0.12 - low)
+    assert high - 0.12 > 2 * 0.02
+
+
 def test_a_tip_that_leaves_a_stated_view_is_refused_before_anything_is_made(tmp_path):
     run = open_run(write(tmp_path, "[finger]\nroot = [0, 0.2]\n[camera]\ncentre = [0.1, 0.19]\n"))
     with pytest.raises(StageError, match=r"camera\.centre = \[0\.1, 0\.19\] m: the tip leaves"):
