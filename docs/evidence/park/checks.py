@@ -84,7 +84,11 @@ LIMITS = {
         0.03,
         "by the solver's own differences; cells and layers at the wall leave 1 to 1.5 %",
     ),
-    "cost": Limit("cost, a factor from the prediction", 1.5, "what a user can plan with"),
+    "cost": Limit(
+        "cost, a factor from the prediction",
+        1.5,
+        "what a user can plan with, once the speed of the machine is known",
+    ),
     "uncommon": Limit(
         "difference of the instants of the cards", 0.0, "means are compared at common instants"
     ),

@@ -138,8 +138,7 @@ def made(entry: dict[str, Any], folder: Path) -> Iterator[tuple[str, Outcome]]:
             write_text(result, json.dumps(values | {"digest": run.digest("report")}) + "\n")
             records = [read_record(run.out, stage.name) for stage in STAGES]
             spent = sum(record["cpu_time"] for record in records if record)
-            factor = max(spent / predicted, predicted / spent)
-            yield name, Outcome(values | {"cpu_s": spent, "cost": factor}, "")
+            yield name, Outcome(values | {"cpu_s": spent, "of_predicted": spent / predicted}, "")
         except (ValueError, RuntimeError, OSError) as error:
             yield name, Outcome({}, f"{error}")
 
@@ -177,7 +176,10 @@ def page(entries: list[dict[str, Any]], folder: Path) -> str:
         if _outcomes(folder / e["name"])
     ]
     table = ["```{csv-table}", f":file: {CSV.name}", ":header-rows: 1", "```"]
-    made = f"Made on {date.today()}, with the code of commit {commit()}."
+    made = (
+        f"Made on {date.today()}, with the code of commit {commit()}, on a machine whose runs took"
+        f" {_of_machine():.2f} of the predicted CPU time in the median."
+    )
     return "\n".join([_HEAD, *about, "", *table, "", made, "", *_drawn(folder)])
 
 
@@ -224,7 +226,18 @@ def _cell(outcome: Outcome, name: str) -> str:
 def _outcomes(folder: Path) -> dict[str, Outcome]:
     path = folder / "outcomes.json"
     found = json.loads(path.read_text()) if path.exists() else {}
-    return {name: Outcome(**entry) for name, entry in found.items()}
+    outcomes, machine = {name: Outcome(**entry) for name, entry in found.items()}, _of_machine()
+    for outcome in outcomes.values():
+        if share := outcome.values.get("of_predicted"):
+            outcome.values["cost"] = max(share / machine, machine / share)
+    return outcomes
+
+
+def _of_machine() -> float:
+    """CPU time over the predicted: the median of all runs that were made on this machine."""
+    kept = [json.loads(path.read_text()) for path in FOLDER.glob("*/outcomes.json")]
+    values = [entry["values"].get("of_predicted") for runs in kept for entry in runs.values()]
+    return float(np.median([value for value in values if value] or [1.0]))
 
 
 def main() -> int:
@@ -244,12 +257,12 @@ def main() -> int:
         folder = FOLDER / entry["name"]
         found: dict[str, Any] = {}
         for name, outcome in made(entry, folder):
-            wrong = outcome.failed()
+            found[name] = {"values": outcome.values, "ended": outcome.ended}
+            write_text(folder / "outcomes.json", json.dumps(found, indent=1) + "\n")
+            wrong = _outcomes(folder)[name].failed()
             failed += bool(wrong)
             more = f" ({outcome.ended})" if outcome.ended else ""
             print(f"{entry['name']}, {name}: {', '.join(wrong) or 'passes'}{more}", flush=True)
-            found[name] = {"values": outcome.values, "ended": outcome.ended}
-        write_text(folder / "outcomes.json", json.dumps(found, indent=1) + "\n")
     write_text(PAGE, page(table, FOLDER))
     write_table(CSV, rows(table, FOLDER))
     return int(failed > 0)
