@@ -15,7 +15,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Collection
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
@@ -102,12 +102,16 @@ class Night:
     again: bool = False
 
     def due(self) -> dict[str, Part]:
-        """The parts that have not ended well on this commit, or all of unknown code."""
-        made = {} if self.again or self.at.endswith("-dirty") else _table()["commit"]
-        return {name: part for name, part in self.parts.items() if made.get(name) != self.at}
+        """What has not ended well on this commit, or all of unknown code; and what it reads."""
+        known = self.at and not self.at.endswith("-dirty") and not self.again
+        made = _table()["commit"] if known else {}
+        due = {name for name in self.parts if not known or made.get(name) != self.at}
+        while more := {n for one in due for n in self.parts[one].after if n in self.parts} - due:
+            due |= more
+        return {name: part for name, part in self.parts.items() if name in due}
 
     @staticmethod
-    def left(names: Iterable[str]) -> str:
+    def left(names: Collection[str]) -> str:
         """Hours until all have ended: those of the longest, or all over the cores."""
         known = [hours for name in names if (hours := _hours(name))]
         more = [name for name in names if not _hours(name)]
@@ -174,10 +178,11 @@ def _run(name: str, part: Part) -> float | None:
 
 
 def _record(name: str, hours: float, at: str) -> None:
-    """Write when a part has ended. Of a part that found runs made, the last cost stays."""
+    """Write when a part has ended. Of one that found runs made, the cost of the whole stays."""
     made = time.strftime("%Y-%m-%d")
     table = _table()
-    cost = f"{max(hours, _hours(name)):.2f}"
+    before = _hours(name) if table["from"].get(name) == "whole" else 0.0
+    cost = f"{max(hours, before):.2f}"
     table.loc[name, ["cpu_h", "from", "made", "commit"]] = [cost, "whole", made, at]
     write_table(TABLE, table.reset_index())
 
@@ -198,7 +203,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     failed = night.run()
     for name in failed:
-        print(f"{name} failed: see {STATE / name}.log, then make evidence again")
+        print(f"{name} failed: see {STATE / name}.log, then python -m docs.evidence {name}")
     return int(bool(failed))
 
 

@@ -15,7 +15,7 @@ from pipeline.kinematics.contact import gap, nearest
 from pipeline.kinematics.finger import finger_motion
 from pipeline.kinematics.values import kinematics_values, write_motion
 from pipeline.openfoam.displacement_files import steps_of
-from pipeline.scene.current import Stream, lead_steps
+from pipeline.scene.current import RAMP_STEPS, Stream, lead_steps
 from pipeline.scene.scene import Scene
 from pipeline.solve.interval import SolverInterval
 from pipeline.structure.coupling import Coupling
@@ -62,10 +62,13 @@ class CoupledMotion:
         self._motion = finger_motion(scene.motion, scene.finger, None, scene.folder, start)
 
     def _passage(self) -> int | None:
-        """Time steps in which a current's peak goes a length of the finger; None without one."""
+        """Time steps in which a current's peak goes a length of the finger; None without one.
+
+        Over fewer than those that a ramp must have the work would be as small as its error.
+        """
         scene, stream = self.scene, Stream.of(self.scene)
         speed = stream.peak(scene.motion.end_time, self.step) if stream else 0.0
-        return max(1, round(scene.finger.length / speed / self.step)) if speed else None
+        return max(RAMP_STEPS, round(scene.finger.length / speed / self.step)) if speed else None
 
     def outline(self, pressure: float, delta: FloatArray) -> FloatArray:
         """Closed outline (point, 2) m in the tank at a pressure (Pa) and rotations (slice,)."""

@@ -36,7 +36,7 @@ settled?  band  s  time after which the bend stays within 5 % of its final value
 coupled  -  1  1: pressure and water made the motion; 0: it is prescribed
 unknown  -  -  why the motion in water is not known, as a sentence; empty where it is
 tip_change?  -  m  coupled: by which the run's own loads would move the tip, at most
-open_energy?  -  1  coupled: work and energy that do not match, over the pressure's work
+open_energy?  -  1  coupled: work and energy that do not match, over the work
 moment_share?  -  1  coupled: largest moment on a joint over that of the table in states.h5
 contact_force?  -  N  coupled: largest force of the film on a whole finger; 0: it touches nothing
 contact_impulse?  -  N s  coupled: impulse of the film on a whole finger

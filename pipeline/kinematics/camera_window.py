@@ -28,7 +28,8 @@ _FARTHEST = 0.5  # of the finger's length: they part, or lose their strength
 # The same ahead of a tip that does not turn back, where no later vortex meets them
 _AHEAD = 1.3
 # Between two fingers the pair is equal and goes straight on, with the jet of the closing: in an
-# own pinch at smoke 2.0 times as far as its travel (45 x 30 mm, 40 kPa, 2026-11-28)
+# own pinch at smoke 2.0 times as far as its travel (45 x 30 mm, 40 kPa, 2026-11-28). Another pair
+# goes up: at draft in that pinch out of a view that ended 0.5 lengths above the tips.
 _OF_PINCH = 2.0
 # of PIV in the finger's thickness: with 1.7 the circulation of the tip's vortex was known at 0 of 8
 # instants, with 2.5 at 7 of 9 (softfinger new with 50mm x 20mm at smoke, 2026-11-25)
@@ -159,8 +160,7 @@ def _boxes(scene: Scene, path: TipPath) -> tuple[ndarray, ndarray, ndarray]:
     carried = np.minimum(path.travel, farthest)[:, None]
     first = last = room + carried * np.ones(2)
     if scene.pinch:  # down and up the plane between them
-        along = np.maximum(carried[:, 0], _OF_PINCH * path.travel)
-        first = last = room + np.outer(along, [0.0, 1.0])
+        first = last = room + np.outer(_OF_PINCH * path.travel, [0.0, 1.0])
     drift = np.outer(np.clip(path.drift, -farthest, farthest), [1.0, 0.0])
     if not path.turns and not scene.pinch:
         way = path.places[-1] - path.places[0]

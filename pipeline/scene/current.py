@@ -28,7 +28,7 @@ _BLOCKED = 0.3  # of the cross-section: water beside the body is faster by 1 / (
 _NARROW = 0.05  # of it: forces are larger then, by about a tenth
 _BEFORE, _BEHIND = 1.0, 2.0  # lengths of the body to the inflow and to the outflow, at least
 _FASTER = 2.0  # speed beside a body in a current, over the current's
-_STEPS = 20  # time steps in a ramp or a period
+RAMP_STEPS = 20  # time steps in a ramp or a period
 _MOST_STEPS = 20_000  # before 0 s
 _FASTEST = 100.0  # m/s, of a table: more is another unit
 
@@ -271,12 +271,12 @@ def _check_speed(scene: Any) -> None:
             f" numerics.time_step = {step:g} s; give current.lead = {_MOST_STEPS * step:g} or less"
         )
     for key, time in (("ramp", current.ramp), ("frequency", 1 / (current.frequency or 1e-9))):
-        if time is not None and time < _STEPS * step * (1 - 1e-9):
+        if time is not None and time < RAMP_STEPS * step * (1 - 1e-9):
             value = getattr(current, key)
-            least = f"at least {_STEPS * step:g}"
-            bound = least if key == "ramp" else f"at most {_rounded(1 / (_STEPS * step)):g}"
+            least = f"at least {RAMP_STEPS * step:g}"
+            bound = least if key == "ramp" else f"at most {_rounded(1 / (RAMP_STEPS * step)):g}"
             raise ValueError(
-                f"current.{key} = {value:g} changes within {_STEPS} of numerics.time_step ="
+                f"current.{key} = {value:g} changes within {RAMP_STEPS} of numerics.time_step ="
                 f" {step:g} s; give {bound}"
             )
     cell = min(mesh.wall_cell, mesh.tip_cell, mesh.near_cell)

@@ -6,8 +6,9 @@ fictitious mass (Baek and Karniadakis, J. Comput. Phys. 231 (2012) 629), with th
 has. Consider a mode with a structural mass m, an added mass a and a fictitious mass f. Each step
 multiplies it by the roots z of z^4 = q (w0 z^3 + w1 z^2 + w2 z + w3), where q = (f - a) / (m + f)
 and w are the weights of the rest at the last steps. With a parabola it is stable for
--0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m; with a line of least squares for -1 < q < 1, thus
-for f > (a - m) / 2. The mean of two steps would be stable for f > (a - 2 m) / 3, but it lags.
+-0.43 < q < 0.55, thus for f > 0.70 a - 0.30 m and f < 2.2 a + 1.2 m; with a line of least squares
+for -1 < q < 1, thus for f > (a - m) / 2. The mean of two steps would be stable for
+f > (a - 2 m) / 3, but it lags.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from pipeline.structure.motion import (
 # of least squares through four steps keeps it as it is
 _PARABOLA = np.array([2.375, -1.125, -0.875, 0.625])
 _LINE = np.array([1.0, 0.5, 0.0, -0.5])
-_SIGNS = 8  # changes of sign in a row that show an alternating mode
+_SIGNS = 8  # second differences in a row whose signs change that show an alternating mode
 # of the root's moment by the water's inertia, where the mode counts and where it has ceased; what
 # the pressure solver leaves at the start is a thousandth
 _LARGE, _SMALL = 0.2, 0.02
@@ -167,7 +168,7 @@ class Coupling:
         return float(np.abs(self._unloaded_rates @ by_turning).max())
 
     def check(self) -> Check:
-        """What the loads make of the whole motion, by one inertia: it leaves no trace in it.
+        """What the loads make of the whole motion. One inertia serves all steps; any would do.
 
         With passages the motion begins anew from the run's own after each. The water's damping is
         not in this computation, so that an error in step with a flutter would grow by periods.

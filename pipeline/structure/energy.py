@@ -11,6 +11,8 @@ from pipeline.formats.bending_states import FloatArray
 from pipeline.structure.chain import GAP, MIDDLE, RUBBER, Chain, ComplexArray, placed
 from pipeline.structure.motion import Surroundings, forces, rates_of
 
+_REST = 1e-9  # J: bends a soft finger of 50 mm by 0.01 mm; less work is that of rounding
+
 
 def energies(
     chain: Chain,
@@ -80,4 +82,4 @@ def open_share(parts: Mapping[str, Any], span: int | None = None) -> float:
     for name in ("elastic_energy", "kinetic_energy", "damping_loss"):
         left = left - np.asarray(parts[name])
     works = [within(np.asarray(parts[name])) for name in ("pressure_work", "water_work")]
-    return float(np.abs(within(left)).max() / np.abs(works).max())
+    return float(np.abs(within(left)).max() / max(np.abs(works).max(), _REST))

@@ -26,7 +26,8 @@ _UNKNOWN = (
     "The motion is prescribed, and motion.states says no bending stiffness, so what the water would"
     " do to the finger is not known: "
 )
-_MOST_STEPS, _LEAST = 3000, 40  # of the finger's own motion, in all and in a vibration
+# steps of the finger's own motion: in all where a vibration then has more than enough of them
+_ENOUGH_STEPS, _LEAST = 3000, 40
 _STEPS, _VIBRATIONS = 150, 8  # of a vibration; after the run: one loses a third of its energy
 _NOT_FOLLOWED = "The finger's motion in air and in modelled water is not computed"
 _RIGID = "The body is rigid: no load bends it."
@@ -116,7 +117,7 @@ def run(scene: Scene, quiet: bool = False) -> None:
     finger, end = ElasticFinger.of(scene), scene.motion.end_time
     law = read_kinematics(scene.motion_folder / "kinematics.h5").data
     pressures = CubicSpline(law["time"].values, law["pressure"].values)
-    step = max(STEP, min(end / _MOST_STEPS, finger.period / _LEAST))
+    step = max(STEP, min(end / _ENOUGH_STEPS, finger.period / _LEAST))
     time = np.linspace(0.0, end, round(end / step) + 1)
     delta = np.zeros((len(time), finger.chain.slices))
     values: dict[str, Any] = {"coupled": 0, "unknown": ""}

@@ -95,3 +95,18 @@ def test_the_page_holds_what_was_made_and_what_failed(tmp_path):
     assert "Of the 3 that were made of seed 3, 5, 1 passed all checks." in text
     assert f"{LIMITS['total'].about}: **0.2**" in text
     assert all(limit.reason in text for limit in LIMITS.values())
+
+
+def test_costs_are_compared_with_the_speed_of_the_machine_taken_out(tmp_path):
+    good = {name: limit.most for name, limit in LIMITS.items() if name != "cost"}
+    for name, share in {"cycle_90": 0.5, "quick_35": 0.6, "sine_60": 0.9}.items():
+        (tmp_path / name).mkdir()
+        values = good | {"of_predicted": share, "commit": f"of_{name}"}
+        kept = {"coupled": {"values": values, "ended": ""}}
+        (tmp_path / name / "outcomes.json").write_text(json.dumps(kept))
+    made = park.rows(list(TABLE.values()), tmp_path)
+    column = next(name for name in made if name.startswith(LIMITS["cost"].about))
+    assert made[column].to_list() == ["1.2", "1", "1.5"]
+    text = park.page(list(TABLE.values()), tmp_path)
+    assert "took 0.60 of the predicted" in text
+    assert "of_cycle_90, of_quick_35, of_sine_60" in text

@@ -45,10 +45,11 @@ def record_of(scene: Scene) -> dict[str, Any]:
 
 def solved(row: str, study: str = "validation", stage: str = "sheet") -> Scene:
     """The scene of a row of a study, made up to a stage; StageError where one is stale."""
-    rows = {one.run: one for one in read_study(CASES / "studies" / f"{study}.csv")}
+    table = CASES / "studies" / f"{study}.csv"
+    rows = {one.run: one for one in read_study(table)}
     run = run_of(describe(CASES, study, rows[row]))
     for late, why in run.stale(stage).items():
-        raise StageError(f"{run.out}: {late}: {why}; run make validate, which makes the runs")
+        raise StageError(f"{run.out}: {late}: {why}; run softfinger study {table}")
     return run.scene
 
 

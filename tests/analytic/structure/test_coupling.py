@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
+from pipeline.couple import follower
 from pipeline.couple.follower import mode_count
 from pipeline.couple.motion import CoupledMotion
 from pipeline.formats.bending_states import read
@@ -248,3 +250,22 @@ def test_only_what_a_current_alone_moves_is_checked_by_passages():
     assert CoupledMotion(flag).history._passage == 47  # 0.35 m / 3 m/s / 2.5 ms
     folder, own = CASES / "finger_in_current", {"motion.source": "structure"}
     assert CoupledMotion(load_scene(folder, "smoke", own)).history._passage is None
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 7])
+def test_curves_of_nodes_are_cubic_splines_however_many_are_solved_at_a_time(monkeypatch, count):
+    monkeypatch.setattr(follower, "_AT_A_TIME", 8)  # of 2 count 5 coordinates
+    time = np.linspace(0.0, 0.3, count)
+    points = np.random.default_rng(5).normal(size=(count, 5, 2))
+    found, cubic = follower._spline(time, points), CubicSpline(time, points)
+    for at in (0.0, 0.11, 0.3):
+        for order in (0, 1):
+            np.testing.assert_allclose(found(at, order), cubic(at, order), atol=1e-10)
+
+
+def test_a_finger_that_rests_leaves_no_work_open():
+    """It was 0 over 0, which a run was refused for; rounding is not work."""
+    rest = dict.fromkeys(("pressure_work", "water_work", "weight_work"), np.zeros(3))
+    rest |= dict.fromkeys(("elastic_energy", "kinetic_energy", "damping_loss"), np.zeros(3))
+    assert open_share(rest) == 0.0
+    assert open_share(rest | {"pressure_work": np.array([0.0, 1e-18, -1e-18])}) < 1e-8

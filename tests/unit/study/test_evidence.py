@@ -73,7 +73,7 @@ def night(tmp_path, monkeypatch):
     """A function that makes the Night of parts of given commands, whose table is in tmp_path."""
     monkeypatch.setattr(evidence, "STATE", tmp_path / "state")
     monkeypatch.setattr(evidence, "TABLE", tmp_path / "parts.csv")
-    (tmp_path / "parts.csv").write_text("part,cpu_h,from,made,commit\na,2.00,estimate,,\n")
+    (tmp_path / "parts.csv").write_text("part,cpu_h,from,made,commit\na,2.00,whole,,\n")
 
     def make(texts, at="abc", **after):
         parts = {
@@ -105,10 +105,13 @@ def test_a_night_runs_each_part_once_after_those_that_it_reads(night, tmp_path, 
     for at, made in (("abc", "cbad"), ("def", 2 * "abcd")):
         assert night(texts, at, **after).run() == []
         assert sorted(log.read_text()) == sorted(made)
-    # the code of "dirty" is not known, and may have changed since; a name is run again
-    for at in ("def-dirty", "def-dirty", "def"):
+    # the code of "dirty", or without git, is not known; a name is run again
+    for at in ("def-dirty", "def-dirty", "", "", "def"):
         replace(night({"a": texts["a"]}, at), again=at == "def").run()
-    assert log.read_text().count("a") == 5
+    assert log.read_text().count("a") == 7
+    # a part that has ended is run again for one that reads its runs, as in a new clone
+    night(texts | {"e": write.format(str(log), "e")}, "def", **after, e=("a",)).run()
+    assert log.read_text().endswith("cbae")
 
 
 def test_a_night_that_is_interrupted_ends_its_parts_and_begins_none(night, tmp_path):
