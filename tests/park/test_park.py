@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from docs.evidence.park import table as park
-from docs.evidence.park.checks import LIMITS, Outcome, _against_whole, _clear, _contours
+from docs.evidence.park.checks import (
+    LIMITS,
+    Outcome,
+    _against_whole,
+    _clear,
+    _contours,
+    _nearest_within,
+)
 from docs.evidence.park.draw import drawn
 from pipeline.scene.scene import load_scene
 
@@ -75,6 +82,13 @@ def test_a_contour_that_a_vortex_reaches_is_no_measure_of_the_total():
     places = {0.05: True, 0.079: True, 0.082: False, 0.118: False, 0.121: True}
     for x, clear in places.items():
         assert _clear(contour, SimpleNamespace(x=x, y=0.05, radius=0.01)) is clear
+
+
+def test_a_vortex_at_the_lid_is_at_no_edge_of_the_view():
+    """A pair that rose between two fingers stayed below the lid: no view shows more of it."""
+    picture, water = np.array([(-0.1, 0.1), (0.1, 0.273)]), np.array([(-0.2, 0.0), (0.2, 0.27)])
+    places = np.array([(0.0, 0.26), (0.0, 0.11), (-0.09, 0.2), (0.09, 0.2)])
+    assert _nearest_within(places, picture, water).tolist() == [False, True, True, True]
 
 
 def test_the_page_holds_what_was_made_and_what_failed(tmp_path):

@@ -24,6 +24,7 @@ from pipeline.formats.mesh_intervals import (
 from pipeline.formats.records import COMPARISON, FORCES, RUN
 from pipeline.geometry.sweep import OUTER_PATCHES
 from pipeline.runs.run import Run
+from pipeline.scene.predicted import picture_of
 from pipeline.structure.motion import EARLIER, felt
 from pipeline.structure.water_inertia import forces_of_water
 from piv.formats.plane_series import Planes, read_plane
@@ -62,7 +63,7 @@ LIMITS = {
         "shipped scenes leave 0.1 to 2 % by the sampling of the terms",
     ),
     "at_edge": Limit(
-        "instants at which the strongest vortex, once grown, meets the edge",
+        "instants at which the strongest vortex, once grown, meets an edge within the water",
         0.0,
         "its circulation is not known there: the view is wrong",
     ),
@@ -142,15 +143,33 @@ def _vortices(run: Run) -> list[pd.DataFrame]:
 
 
 def _at_edge(run: Run) -> float:
-    """Instants at which the largest vortex of the flow, or of PIV, meets the edge of the plane."""
-    count = 0
+    """Instants at which the largest vortex of the flow, or of PIV, meets an edge within the water.
+
+    A vortex at the lid or a wall is cut by the water's own edge, which no view changes.
+    """
+    count, scene = 0, run.scene
+    half = 0.5 * scene.tank.size[0]
+    water = np.array([(-half, 0.0), (half, scene.tank.water_depth)])
+    picture = np.array(picture_of(scene.camera))
     for table in _vortices(run):
+        within = _nearest_within(table[["x", "y"]].to_numpy(), picture, water)
+        table = table.assign(at_edge=table["at_edge"] * within)
         size = (table["peak_vorticity"] * table["radius"] ** 2).abs()
         if len(table):
             largest = size.groupby(table["time"]).idxmax()
             grown = largest[size[largest].to_numpy() > _GROWN * size.max()]
             count += int(table.loc[grown, "at_edge"].sum())
     return float(count)
+
+
+def _nearest_within(places: np.ndarray, picture: np.ndarray, water: np.ndarray) -> np.ndarray:
+    """Tell of places (n, 2) whether the nearest edge of a picture lies within the water.
+
+    Both by their lower left and upper right corners (2, 2) in m.
+    """
+    away = np.abs(picture[:, None] - places).transpose(1, 0, 2).reshape(-1, 4)
+    inside = ((picture - water) * [[1], [-1]] > 0).ravel()  # left, lower, right, upper edge
+    return inside[away.argmin(axis=1)]
 
 
 def _changed_sign(run: Run) -> float:
