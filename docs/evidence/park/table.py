@@ -176,9 +176,12 @@ def page(entries: list[dict[str, Any]], folder: Path) -> str:
         if _outcomes(folder / e["name"])
     ]
     table = ["```{csv-table}", f":file: {CSV.name}", ":header-rows: 1", "```"]
+    runs = [run for e in entries for run in _outcomes(folder / e["name"]).values()]
+    passed = sum(not run.failed() for run in runs)
     made = (
-        f"The runs took {_of_machine(folder):.2f} of the predicted CPU time in the median; the"
-        f" table's costs are over that. Code of commit {', '.join(sorted(_commits(folder)))}."
+        f"{passed} of {len(runs)} runs pass all checks. The runs took {_of_machine(folder):.2f} of"
+        " the predicted CPU time in the median; the table's costs are over that. Code of commit"
+        f" {', '.join(sorted(_commits(folder)))}."
     )
     return "\n".join([_HEAD, *about, "", *table, "", made, "", *_drawn(folder)])
 
