@@ -63,7 +63,7 @@ def measure(name: str) -> Result:
         scene = solved(row, name, "solve")
         of_water = forces(scene)
         series = of_water | (end_of_flag(scene) if scene.coupled else {})
-        test, grid = row.split("_")
+        test, grid = row.split("_", 1)
         beat = series.get("across", series["lift"])
         limits = published["tolerance"]
         limits = limits.get(test, limits[test[:3]])
