@@ -32,7 +32,7 @@ from pipeline.scene.scene import Scene
 from pipeline.scene.sections import Mesh, Tank
 from piv.files.errors import StageError
 
-_MOST_MESHES = 6
+_MOST_MESHES = 8  # a finger of 91 mm that swings by 65° to both sides needs them
 _FEW_CELLS = 3.0  # between a body and the tank's bounds: too few to follow it
 _USUAL_SHARE = 0.95  # of the time in which mesh.usual_non_orthogonality_deg is not exceeded
 _LEAST_CLEARANCE = 0.06  # of the finger's thickness, between it and the support
