@@ -37,8 +37,7 @@ _HEAD = """# Own fingers
 `make park` makes these scenes from the arguments of `softfinger new` and some keys
 (`tests/park/scenes.toml`). It checks what must hold of any scene, at level smoke, coupled and
 prescribed. Four are checked at draft, too. Rows with PIV=0 are of the flow alone. Bold is what
-fails. A text says why a check does not apply. Scenes and rows are missing that were not run.
-In a new clone the first scene compiles for 20 s.
+fails. A text says why a check does not apply. In a new clone the first scene compiles for 20 s.
 
 """
 _START, _STEP = 0.02, 0.005  # s of rest before a pressure rises, and between its rows
