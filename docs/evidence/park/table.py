@@ -180,7 +180,7 @@ def page(entries: list[dict[str, Any]], folder: Path) -> str:
     made = (
         f"{passed} of {len(runs)} runs pass all checks. The runs took {_of_machine(folder):.2f} of"
         " the predicted CPU time in the median; the table's costs are over that. Code of commit"
-        f" {', '.join(sorted(_commits(folder)))}."
+        f" {', '.join(sorted({*_values(folder, 'commit')}))}."
     )
     return "\n".join([_HEAD, *about, "", *table, "", made, "", *_drawn(folder)])
 
@@ -248,10 +248,6 @@ def _values(folder: Path, name: str) -> list[Any]:
 def _of_machine(folder: Path) -> float:
     """CPU time over the predicted: the median of the runs in a folder of scenes."""
     return float(np.median(_values(folder, "of_predicted") or [1.0]))
-
-
-def _commits(folder: Path) -> set[str]:
-    return set(_values(folder, "commit"))
 
 
 def main() -> int:
