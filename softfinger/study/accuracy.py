@@ -206,10 +206,11 @@ def choose(
         good = [k for k in order if errors[k] <= most_error]
         if not good:
             best = min(order, key=lambda k: errors[k])
+            part = "a part of the stroke (--until 0.2s), " if np.isinf(until) else ""
             raise StageError(
                 f"no measured setting reaches {100 * most_error:.3g} %; the best,"
                 f" {settings[best].level}, is within {100 * errors[best]:.3g} %: give"
-                " that, a part of the stroke (--until 0.2s), or set the scene finer yourself"
+                f" that, {part}or set the scene finer yourself"
             )
         return min(good, key=lambda k: times[k])
     assert most_time is not None
