@@ -83,7 +83,6 @@ validate: $(READY) ## flows of known answer, and convergence: docs/verification.
 	@$(RUN) study cases/validation/studies/validation.csv
 	@$(RUN) study cases/validation/studies/convergence.csv
 	@$(RUN) study cases/validation/studies/turek_hron.csv
-	@$(RUN) study cases/validation/studies/luhar_nepf.csv
 	@$(RUN) study cases/single_finger/studies/tradeoff.csv \
 	    --only draft,coarse,medium,fine
 	@nice $(PY) -m docs.evidence.validation
@@ -93,6 +92,7 @@ docs: .venv-docs/.ready ## pictures and keys of the docs from runs of DOCS (an h
 	@export TYPED="$(filter-out DOCS,$(TYPED))"; \
 	for scene in $$DOCS; do $(RUN) run "cases/$$scene" || exit; done
 	@$(PY) -m docs.evidence.pictures $$DOCS
+	@$(PY) -m docs.evidence.pictures
 	nice .venv-docs/bin/sphinx-build -q -W --keep-going -d .sphinx docs site
 	@echo "site: $$PWD/site/index.html"
 

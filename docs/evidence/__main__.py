@@ -59,10 +59,13 @@ PARTS = {
     "validation": Part(
         tuple(
             _study(f"validation/{name}")
-            for name in ("validation", "convergence", "turek_hron", "luhar_nepf")
+            for name in ("validation", "convergence", "turek_hron")
         )
     ),
-    "checks": Part(((*_PY, "docs.evidence.validation"),), ("validation", "tradeoff")),
+    "checks": Part(
+        ((*_PY, "docs.evidence.validation"), (*_PY, "docs.evidence.pictures")),
+        ("validation", "tradeoff"),
+    ),
     "stability": Part(
         (_study("single_finger/stability"), _study("pinch/stability"),
          (*_PY, "docs.evidence.stability", "--part", "runs")),
@@ -83,13 +86,17 @@ PARTS = {
          (*_PY, "docs.evidence.validation", "turek_hron_flutter")),
         long=True,
     ),
+    "blade": Part(
+        (_study("validation/luhar_nepf"), (*_PY, "docs.evidence.validation", "luhar_nepf")),
+        long=True,
+    ),
     "twin": Part(
         ((*_PY, "docs.evidence.twin", "1", "9", "--coupled"),
          (*_PY, "docs.evidence.twin", "11", "23", "--coupled"),
          (*_PY, "docs.evidence.twin", "207", "218")),
         long=True,
     ),
-    "docs": Part((("make", "docs"),), ("tradeoff", "checks", "stability", "drawn", "coupling")),
+    "docs": Part((("make", "docs"),)),
 }  # fmt: skip
 
 

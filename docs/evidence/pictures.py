@@ -1,6 +1,6 @@
 """`make docs`: pictures and numbers of the docs from runs, and pictures from exact fields.
 
-python -m docs.evidence.pictures single_finger pinch    (the repository's root; LEVEL as in make)
+python -m docs.evidence.pictures [SCENE ...]    (the repository's root; LEVEL as in make)
 """
 
 import json
@@ -204,11 +204,13 @@ def of_piv(docs: Path) -> None:
 
 
 def main() -> None:
-    """Draw and copy all pictures."""
-    for scene in sys.argv[1:]:
+    """Copy the pictures and numbers of scenes that are named; otherwise draw all others."""
+    if scenes := sys.argv[1:]:
         level = os.environ.get("LEVEL") or "coarse"
-        copy_figures(scene, level)
-        copy_numbers(scene, level)
+        for scene in scenes:
+            copy_figures(scene, level)
+            copy_numbers(scene, level)
+        return
     tradeoff("single_finger")
     synthetic(DOCS / "synthetic.png")
     of_piv(DOCS)

@@ -23,6 +23,7 @@ from docs.evidence.validation.ledger import FOLDER, ORDER, write_ledger
 from docs.evidence.validation.solve import solved
 from piv.files.command import guarded
 
+LONG = (turek_hron.FLUTTER, luhar_nepf.NAME)  # their runs take hours: by their names alone
 FINGER = Path(__file__).resolve().parents[3] / "cases" / "single_finger"
 CYLINDERS = {
     "oscillating_cylinder": cylinders.oscillating,
@@ -72,7 +73,7 @@ def run(names: list[str], quiet: bool, again: bool) -> None:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(prog="python -m docs.evidence.validation", description=__doc__)
-    names = f"checks to run (default: all but {turek_hron.FLUTTER}): {', '.join(ORDER)}"
+    names = f"checks to run (default: all but {' and '.join(LONG)}): {', '.join(ORDER)}"
     parser.add_argument("names", nargs="*", metavar="NAME", help=names)
     parser.add_argument("--again", action="store_true", help="solve deforming_mesh again")
     parser.add_argument("--page", action="store_true", help="only tables and figures")
@@ -82,7 +83,7 @@ def main() -> None:
         parser.error(f"{', '.join(sorted(unknown))}: no such check")
 
     def action() -> None:
-        every = [name for name in ORDER if name != turek_hron.FLUTTER]  # by its name alone
+        every = [name for name in ORDER if name not in LONG]
         run([] if args.page else args.names or every, args.quiet, args.again)
 
     sys.exit(guarded("validation", action))
