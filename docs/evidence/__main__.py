@@ -23,6 +23,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from piv.files.command import guarded
 from postprocess.tables import write_table
 from softfinger.study.table import commit
 
@@ -152,8 +153,8 @@ class Night:
                         print(f"{clock} {name} {how}, {self.left(left)} left", flush=True)
             except KeyboardInterrupt:  # also of SIGTERM: no part begins any more, and those end
                 pool.shutdown(wait=False, cancel_futures=True)
-                for process in list(_RUNNING):
-                    process.terminate()
+                for process in list(_RUNNING):  # with all that it has started
+                    os.killpg(process.pid, signal.SIGTERM)
                 raise
         return failed
 
@@ -173,7 +174,9 @@ def _run(name: str, part: Part) -> float | None:
     cpu = 0.0
     with (STATE / f"{name}.log").open("a", encoding="utf-8") as log:
         for words in part.commands:
-            job = subprocess.Popen(words, stdout=log, stderr=log, env=os.environ | _ENVIRONMENT)
+            job = subprocess.Popen(
+                words, stdout=log, stderr=log, env=os.environ | _ENVIRONMENT, start_new_session=True
+            )
             _RUNNING.add(job)
             _, status, used = os.wait4(job.pid, 0)
             job.returncode = os.waitstatus_to_exitcode(status)
@@ -215,4 +218,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(guarded("evidence", main, strict=True))

@@ -7,6 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -115,15 +116,22 @@ def test_a_night_runs_each_part_once_after_those_that_it_reads(night, tmp_path, 
 
 
 def test_a_night_that_is_interrupted_ends_its_parts_and_begins_none(night, tmp_path):
-    begun = tmp_path / "begun"
-    texts = {"a": "import os, time; os.kill(os.getppid(), 2); time.sleep(60)"}
-    texts |= {"b": "import time; time.sleep(60)", "c": f"open({str(begun)!r}, 'w')"}
+    begun, child = tmp_path / "begun", tmp_path / "child"
+    # once the second has started a process of its own
+    wait = f"import os, time\nwhile not os.path.exists({str(child)!r}): time.sleep(0.1)\n"
+    texts = {"a": f"{wait}os.kill(os.getppid(), 2); time.sleep(60)"}
+    texts |= {"b": f"import os; os.system('sleep 60 & echo $! > {child}; wait')"}
+    texts |= {"c": f"open({str(begun)!r}, 'w')"}
     start = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         night(texts).run()
     assert time.monotonic() - start < 30  # of the 60 s that its parts would take
     assert not begun.exists()
     assert not evidence._RUNNING
+    process = Path(f"/proc/{child.read_text().strip()}")
+    while process.exists() and time.monotonic() < start + 30:  # until its new parent has seen it
+        time.sleep(0.1)
+    assert not process.exists()
 
 
 def test_the_parts_of_the_evidence_are_commands_that_exist():
