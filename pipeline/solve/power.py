@@ -296,7 +296,11 @@ def power_balance(
         more = {"supplied": float(brought.sum())}
         given, exchanged = work + brought.sum(), exchanged + float(abs(brought).sum())
     closure = given - kinetic - dissipated
-    taken = integrals(terms, begin, running)
+    # viscosity is that of the table, and the rest of it that the few rows of the terms have
+    rest = terms.copy()
+    rest[:, 1] -= np.interp(terms[:, 0], table[:, 0], table[:, 3])
+    taken = integrals(rest, begin, running)
+    taken["viscous"] += float(dissipated)
     unexplained = given - kinetic - sum(taken[name] for name in LOSSES)
     # what a current brings and takes almost cancels, so that their difference is no scale
     scale = (abs(given) if through is None else exchanged) or 1.0

@@ -217,6 +217,17 @@ def test_the_share_of_unexplained_power_is_of_what_is_exchanged():
     assert abs(balance["unexplained_fraction"]) > 1  # of the net work
 
 
+def test_viscosity_is_known_between_rare_fields():
+    """The fields of a body that swings are written once in a period, always at its turn."""
+    time = np.linspace(0.01, 3.0, 300)
+    power = np.sin(2 * np.pi * time) ** 2  # W; all of it goes into viscosity
+    table = np.column_stack([time, power, 0 * time, power])
+    terms = np.column_stack([[1.0, 2.0, 3.0], np.zeros((3, len(LOSSES)))])
+    balance = power_balance(table, terms)
+    assert balance["taken"]["viscous"] == pytest.approx(1.5, rel=1e-3)  # trapezia
+    assert balance["unexplained_share"] < 1e-9  # rounding
+
+
 def test_the_energy_of_a_whole_run_forgives_what_one_interval_forgives():
     """Two computed parts; the wall of the second interval jumps at 1.5 s, its floor is 0.1 J."""
     budgets = [Budget(0.0), Budget(0.1, lambda a, b: a < 1.5 < b)]
