@@ -10,9 +10,9 @@ import xarray as xr
 from docs.evidence.dorsal_circulation import dorsal_circulation
 from docs.evidence.validation.checks import Check, Result
 from docs.evidence.validation.convergence import Estimate, estimate
-from docs.evidence.validation.solve import CASES, record_of, solved, stage_versions
+from docs.evidence.validation.solve import record_of, solved, stage_versions
 from pipeline.runs.run import run_of
-from pipeline.scene.scene import Scene, load_scene
+from pipeline.scene.scene import Scene
 from piv.formats.plane_series import read_plane
 from postprocess.evidence.stage_files import StageFiles
 from postprocess.evidence.tip_vortex import COMPARED, dominant_track, read_vortices
@@ -126,10 +126,9 @@ def curves_of(runs: list[Run], along: str) -> dict:
 
 def two_dimensional() -> Result:
     """Grids and time steps of the 2-D finger."""
-    grids, steps = (
-        [_read_run(solved(level, "convergence")) for level in levels] for levels in (GRIDS, STEPS)
-    )
-    scene = load_scene(CASES / "finger_2d", "g100")
+    scenes = {row: solved(row, "convergence", "vortices_cfd") for row in {*GRIDS, *STEPS}}
+    grids, steps = ([_read_run(scenes[row]) for row in rows] for rows in (GRIDS, STEPS))
+    scene = scenes["g100"]
     checks = [
         *checks_of(grids, "cell", "g071", "finger_2d.grid", "(grid)"),
         *checks_of(steps, "time_step", "g100", "finger_2d.step", "(time step)"),
