@@ -23,13 +23,7 @@ from tests.conftest import CASES, ROOT
 TABLES = [*(ROOT / "docs").rglob("*.csv"), *(ROOT / "cases").glob("*/studies/results/*.csv")]
 # of before they stated their stages; `make evidence` was not run since
 OLDER = {"docs/stability/runs.csv", "docs/stability/images.csv"}
-OLDER_CHECKS = {
-    "accelerating_cylinder", "cantilever_plate", "finger", "finger_2d", "impulsive_cylinder",
-    "oscillating_cylinder", "plate_accelerating", "plate_impulsive", "plate_medium_layer",
-    "plate_thin_layer", "sprung_cylinder",
-}  # fmt: skip
 OF_NO_STAGE = {"deforming_mesh", "ringdown"}  # checks of a case of their own, and of recordings
-OLDER_SCENES = {"cycle", "pinch", "single_deflate", "single_finger"}
 CODE = {name: stage.version for name, stage in BY_NAME.items()}
 CODE |= {f"{name}_coupled": stage.version for name, stage in COUPLED.items()}
 
@@ -54,7 +48,7 @@ def test_tables_state_the_stages_of_this_code():
 def test_checks_state_the_stages_of_this_code():
     for path in (ROOT / "docs" / "verification").glob("*.json"):
         result = json.loads(path.read_text(encoding="utf-8"))
-        if path.stem not in OLDER_CHECKS | OF_NO_STAGE:
+        if path.stem not in OF_NO_STAGE:
             stages = result["provenance"]["stages"]
             assert result["commit"], path
             assert stages == {name: CODE[name] for name in stages}, path
@@ -62,11 +56,10 @@ def test_checks_state_the_stages_of_this_code():
 
 def test_numbers_of_scenes_state_the_stages_of_this_code():
     for path in (ROOT / "docs" / "scenes").glob("*_run.csv"):
-        if path.stem.removesuffix("_run") not in OLDER_SCENES:
-            stated = pd.read_csv(path, index_col="run")["value"]
-            stages = dict(pair.split() for pair in stated["stages"].split(", "))
-            assert stages == {name: str(CODE[name]) for name in stages}, path
-            assert re.search(r"commit \w{8}", stated["made"]), path
+        stated = pd.read_csv(path, index_col="run")["value"]
+        stages = dict(pair.split() for pair in stated["stages"].split(", "))
+        assert stages == {name: str(CODE[name]) for name in stages}, path
+        assert re.search(r"commit \w{8}", stated["made"]), path
 
 
 @pytest.fixture
