@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Collection
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -154,7 +155,8 @@ class Night:
             except KeyboardInterrupt:  # also of SIGTERM: no part begins any more, and those end
                 pool.shutdown(wait=False, cancel_futures=True)
                 for process in list(_RUNNING):  # with all that it has started
-                    os.killpg(process.pid, signal.SIGTERM)
+                    with suppress(ProcessLookupError):  # it has just ended
+                        os.killpg(process.pid, signal.SIGTERM)
                 raise
         return failed
 

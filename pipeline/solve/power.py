@@ -296,7 +296,7 @@ def power_balance(
         more = {"supplied": float(brought.sum())}
         given, exchanged = work + brought.sum(), exchanged + float(abs(brought).sum())
     closure = given - kinetic - dissipated
-    # viscosity is that of the table, and the rest of it that the few rows of the terms have
+    # `terms` has few rows, and gives what the viscous term takes beyond the resolved dissipation
     rest = terms.copy()
     rest[:, 1] -= np.interp(terms[:, 0], table[:, 0], table[:, 3])
     taken = integrals(rest, begin, running)
