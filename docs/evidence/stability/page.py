@@ -10,7 +10,7 @@ ENDINGS = {
     "completed": "completed",
     "refused": "refused beforehand",
     "stopped": "stopped by a guard",
-    "wrong": "completed but wrong by a fifth, with a warning",
+    "wrong": "completed but wrong, with a warning",
     "UNWARNED": "completed but wrong by a fifth, without a warning",
     "all flagged": "every vector marked as bad",
     "WRONG": "plausible wrong answer",
@@ -18,7 +18,6 @@ ENDINGS = {
     "FAILED": "solver failed",
     "HANG": "hang",
 }
-_JUDGED = {"wrong", "UNWARNED"}
 
 
 def fault_kinds(rows: pd.DataFrame) -> pd.DataFrame:
@@ -44,7 +43,7 @@ def write(folder: Path) -> None:
     for name in [name for name in tables if name != "faults"]:
         count = {ending: str((tables[name]["ended"] == ending).sum()) for ending in ENDINGS}
         if name == "runs":
-            count |= dict.fromkeys(_JUDGED, "not judged")  # no finer run is made of these
+            count["UNWARNED"] = "not judged"  # no finer run is made of these
         endings[name] = count.values()
     write_table(folder / "endings.csv", endings)
     write_table(folder / "fault_kinds.csv", fault_kinds(tables["faults"]).reset_index())

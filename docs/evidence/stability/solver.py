@@ -1,4 +1,4 @@
-"""How a run of the study ended; a completed run with impossible numbers is WRONG."""
+"""How a run of the study ended; one with impossible numbers and no warning is WRONG."""
 
 import json
 from pathlib import Path
@@ -82,8 +82,8 @@ def judged(scene: Scene) -> dict[str, Any]:
     }
     wrong = [fault for fault, found in faults.items() if found]
     return {
-        "ended": "WRONG" if wrong else "completed",
-        "reason": "; ".join(wrong),
+        "ended": ("wrong" if balance["warning"] else "WRONG") if wrong else "completed",
+        "reason": "; ".join(filter(None, [*wrong, balance["warning"]])),
         **motion,
         **{key: record[key] for key in ("cells", "steps", "continuity_max")},
         "courant_max": round(record["courant_max"], 3),
