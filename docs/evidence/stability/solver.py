@@ -1,4 +1,4 @@
-"""How a run of the study ended; one with impossible numbers and no warning is WRONG."""
+"""How a run of the study ended. It is WRONG where its numbers are impossible without a warning."""
 
 import json
 from pathlib import Path
@@ -18,6 +18,7 @@ from softfinger.study.outcome import OUTCOME, outcome_is_there
 LEAST_CLOSURE = -0.02  # of the work: below it energy has come from nothing
 # Possible peak forces, over added mass and drag of a plate as long as the finger.
 FORCE_RANGE = (0.005, 2.0)
+ENERGY = "energy from nothing"
 FAULTS = {"failed": "FAILED", "crashed": "CRASH", "hung": "HANG"}  # names in tables and maps
 
 
@@ -77,12 +78,12 @@ def judged(scene: Scene) -> dict[str, Any]:
     faults = {
         "numbers that are none": not (np.isfinite(force).all() and np.isfinite(power).all()),
         f"{len(force)} rows of forces for {record['steps']} steps": len(force) != record["steps"],
-        "energy from nothing": balance["closure_fraction"] < LEAST_CLOSURE,
+        ENERGY: balance["closure_fraction"] < LEAST_CLOSURE,
         f"a force of {share:.2g} of a plate's": not FORCE_RANGE[0] < share < FORCE_RANGE[1],
     }
     wrong = [fault for fault, found in faults.items() if found]
     return {
-        "ended": ("wrong" if balance["warning"] else "WRONG") if wrong else "completed",
+        "ended": ending(wrong, balance["warning"]),
         "reason": "; ".join(filter(None, [*wrong, balance["warning"]])),
         **motion,
         **{key: record[key] for key in ("cells", "steps", "continuity_max")},
@@ -95,3 +96,10 @@ def judged(scene: Scene) -> dict[str, Any]:
         "peak_force_N": round(peak, 5),
         "force_of_plate": round(share, 4),
     }
+
+
+def ending(faults: list[str], warning: str) -> str:
+    """Name how a completed run ended; a warning covers energy from nothing alone."""
+    if set(faults) - ({ENERGY} if warning else set()):
+        return "WRONG"
+    return "wrong" if faults else "completed"

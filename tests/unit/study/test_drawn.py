@@ -54,6 +54,15 @@ def test_a_run_is_wrong_where_its_force_differs_by_a_fifth_unwarned(
     assert found["error_impulse"] == pytest.approx(factor - 1)
 
 
+@pytest.mark.parametrize(
+    "faults, warning, ended",
+    [([], "power", "completed"), ([drawn.solver.ENERGY], "power", "wrong"),
+     ([drawn.solver.ENERGY], "", "WRONG"), ([drawn.solver.ENERGY, "no force"], "power", "WRONG")],
+)  # fmt: skip
+def test_a_warning_covers_energy_from_nothing_alone(faults, warning, ended):
+    assert drawn.solver.ending(faults, warning) == ended
+
+
 def test_the_warning_of_the_time_step_is_as_drawn_runs_set_it():
     found = drawn.calibrated(pd.read_csv(ROOT / "docs" / "stability" / "drawn.csv", comment="#"))
     # the factor states an error that nine runs of ten do not exceed, to a fifth
